@@ -32,7 +32,7 @@ from shake_ros.iteration.drive import (
     verdict,
 )
 from shake_ros.iteration.drive import iterate as corrected
-from shake_ros.iteration.table import SimulatedTable
+from shake_ros.iteration.table import SimulatedRuns, SimulatedTable
 from shake_ros.report.chart import Chart, ChartSeries, Panel, static_figure
 from shake_ros.report.page import Made, Page, write_page
 from shake_ros.report.result_table import ResultTable, percent
@@ -110,7 +110,7 @@ class Iterated:
     sample_time : [s].
     factor : by which the drive was scaled to stay within its limits [-].
     model : fitted to the last run, or that of the best run where its drive was corrected on a simulated table.
-    simulated : the simulated table, where the runs were made on it.
+    simulated : the runs on a simulated table, where they were made on one.
     reason : why its runs ended.
     wrong : that the runs diverge or have not converged; empty where nothing is wrong.
     first_model : of the first run's feedforward, where there was one.
@@ -123,7 +123,7 @@ class Iterated:
     drive: Array | None = None
     factor: float = 1.0
     model: TableParameters | None = None
-    simulated: SimulatedTable | None = None
+    simulated: SimulatedRuns | None = None
     reason: str = ""
     wrong: str = ""
     first_model: TableParameters | None = None
@@ -188,7 +188,6 @@ class Iterated:
         return out
 
 
-OTHER_LOAD = 0.02  # of the moved mass, from which a weighed specimen is another
 Learn = Callable[[TableParameters, Sequence[Record]], TableParameters]
 
 
@@ -279,50 +278,26 @@ def iterate_simulated(
     carried = load_table(model or played.declared)
     learn, before = learning(carried, refit)
     first = np.array(build_program(str(wanted), played.sample_time).states)
-    played.begin(first, parameters)
-    dt = played.sample_time
+    made, dt = SimulatedRuns(played, carried, first, parameters), played.sample_time
+    references = list[Array]()
     if before is not None:
-        models, missed, reason = iterate_model(first[:, 2], before, played.record, learn, parameters)
+        models, missed, reason = iterate_model(first[:, 2], before, made.record, learn, parameters)
     else:
-        player = _Player(played, carried)
-        references, missed, reason = corrected(first[:, 2], first, player.play, dt, parameters, player.learnt)
-    names, best = tuple(f"run {k + 1}" for k in range(len(missed))), int(np.argmin(missed))
-    known: dict[str, Any] = {
-        "simulated": played,
-        "reason": reason,
-        "wrong": verdict(missed, parameters),
-        "first_model": carried,
-        "records": tuple(played.records),
-    }
-    if before is not None:
-        return Iterated(names, tuple(missed), dt, model=models[best], **known)
-    return Iterated(names, tuple(missed), dt, references[best], model=player.models[best], **known)
-
-
-class _Player:
-    """Plays drives under a model whose specimen is weighed after the first run.
-
-    Attributes
-    ----------
-    models : that each run was made under.
-    """
-
-    def __init__(self, table: SimulatedTable, model: TableParameters) -> None:
-        self.table, self.model, self.models = table, model, list[TableParameters]()
-
-    def play(self, reference: Array, number: int) -> Array:
-        """The accelerometer's record of a run."""
-        self.models.append(self.model)
-        return self.table.acceleration(self.model, reference, number)
-
-    def learnt(self) -> bool:
-        """Whether the first run's forces indicate another specimen than the model has."""
-        if len(self.models) > 1:
-            return False
-        weighed = self.table.weighed(self.model)
-        changed = abs(weighed.moved_mass / self.model.moved_mass - 1.0) > OTHER_LOAD
-        self.model = weighed if changed else self.model
-        return changed
+        references, missed, reason = corrected(first[:, 2], first, made.play, dt, parameters, made.weighed_anew)
+        models = made.models
+    best = int(np.argmin(missed))
+    return Iterated(
+        tuple(f"run {k + 1}" for k in range(len(missed))),
+        tuple(missed),
+        dt,
+        references[best] if references else None,
+        model=models[best],
+        simulated=made,
+        reason=reason,
+        wrong=verdict(missed, parameters),
+        first_model=carried,
+        records=tuple(made.records),
+    )
 
 
 def _growth(missed: Sequence[float], parameters: Iteration) -> str:

@@ -64,24 +64,21 @@ def weigh(force: Array, acceleration: Array, position: Array, sample_time: float
 
 
 SPECIMEN = "body.specimen_mass"
+OTHER_LOAD = 0.02  # of the moved mass, from which a weighed specimen is another
 
 
 @dataclass
 class SimulatedTable:
-    """A table with its loop, and the true figures of the runs made on it.
+    """A table with its loop.
 
     Attributes
     ----------
     table : configuration of the table.
-    changes : values to change in it, by dotted name or its last part, of which the model knows nothing.
     observer, controller : names of configurations, or `own`, both, for a loop made for the table as it is declared.
     delay : samples by which a command reaches the valve late.
     sample_time : of the loop [s].
     progress : called with the figures of each run.
-    errors : of the true acceleration, one a run [-].
-    spectra : response spectra of the runs, `aim` that of the wanted motion [m/s²].
-    records : the runs as a fit takes them.
-    last : the last run.
+    changes : values to change in the table, by dotted name or its last part, of which the model knows nothing.
     """
 
     table: str | TableParameters = "bergamo"
@@ -91,13 +88,6 @@ class SimulatedTable:
     sample_time: float = 0.001
     progress: ProgressOption = True
     changes: Mapping[str, float] = field(default_factory=dict)
-    wanted: Array = field(default_factory=lambda: np.zeros((0, 3)), init=False)
-    aim: Array = field(default_factory=lambda: np.zeros(0), init=False)
-    errors: list[float] = field(default_factory=list, init=False)
-    spectra: list[Array] = field(default_factory=list, init=False)
-    judged_by: Iteration | None = field(default=None, init=False)
-    records: list[Record] = field(default_factory=list, init=False)
-    last: ClosedLoop | None = field(default=None, init=False)
 
     @property
     def declared(self) -> TableParameters:
@@ -114,63 +104,87 @@ class SimulatedTable:
         """The loop made for the table as it is declared."""
         return own_loop(self.declared)
 
-    def loop(self, model: TableParameters | None) -> tuple[Observer, Controller]:
+    def loop(self, model: TableParameters) -> tuple[Observer, Controller]:
         """Observer and controller that carry a model."""
         dt = self.sample_time
         if (self.observer == OWN) is not (self.controller == OWN):
             raise ShakeError(f"controller {self.controller} and observer {self.observer}: 'own' goes for both or none")
         if self.observer == OWN:
-            return self.own.of(self.declared if model is None else model, dt, self.delay * dt)
+            return self.own.of(model, dt, self.delay * dt)
         return observer_of(self.observer, dt, model), controller_of(self.controller, dt, model)
 
-    def weighed(self, model: TableParameters) -> TableParameters:
-        """The model with the specimen computed from the forces of the last run."""
-        body, run = model.body, self.last
-        if run is None or run.measured.shape[1] < 4:
-            raise ShakeError("no run with pressures from which the mass could be computed")
-        force = body.piston_area * (run.measured[:, 2] - body.area_ratio * run.measured[:, 3])
-        moved = weigh(force, run.measured[:, 1], run.measured[:, 0], self.sample_time)
-        return model.with_values({SPECIMEN: max(0.0, moved - (model.moved_mass - model.value(SPECIMEN)))})
 
-    def begin(self, wanted: Array, judged_by: Iteration | None = None) -> None:
-        """Forget earlier runs; `wanted` is the motion of the next ones, shape (n, 3), `judged_by` has their band."""
-        self.judged_by = judged_by
-        self.wanted, self.aim = wanted, spectrum_of(wanted[:, 2], self.sample_time)
-        self.errors, self.spectra, self.records = [], [], []
+class SimulatedRuns:
+    """Runs of one motion on a simulated table, and their true figures.
 
-    def run(self, model: TableParameters | None, reference: Array, number: int) -> ClosedLoop:
+    Parameters
+    ----------
+    table : the table.
+    model : of the first run.
+    wanted : the motion, shape (n, 3).
+    judged_by : has the band of the error.
+
+    Attributes
+    ----------
+    model : of the next drive. models : of the drives played so far.
+    errors : of the true acceleration, one a run [-].
+    spectra : response spectra of the runs, `aim` that of the wanted motion [m/s²].
+    records : the runs as a fit takes them.
+    last : the last run.
+    """
+
+    last: ClosedLoop
+
+    def __init__(self, table: SimulatedTable, model: TableParameters, wanted: Array, judged_by: Iteration) -> None:
+        self.table, self.model, self.wanted, self.judged_by = table, model, wanted, judged_by
+        self.models = list[TableParameters]()
+        self.aim = spectrum_of(wanted[:, 2], table.sample_time)
+        self.errors, self.spectra, self.records = list[float](), list[Array](), list[Record]()
+
+    def play(self, reference: Array, number: int) -> Array:
+        """The accelerometer's record of a drive."""
+        self.models.append(self.model)
+        return self.run(self.model, reference, number).measured[:, 1]
+
+    def weighed_anew(self) -> bool:
+        """Whether the first run's forces indicate another specimen than the model has, which then has this one."""
+        if len(self.models) > 1:
+            return False
+        model, body, measured = self.model, self.model.body, self.last.measured
+        force = body.piston_area * (measured[:, 2] - body.area_ratio * measured[:, 3])
+        moved = weigh(force, measured[:, 1], measured[:, 0], self.table.sample_time)
+        weighed = model.with_values({SPECIMEN: max(0.0, moved - (model.moved_mass - model.value(SPECIMEN)))})
+        changed = abs(weighed.moved_mass / model.moved_mass - 1.0) > OTHER_LOAD
+        self.model = weighed if changed else model
+        return changed
+
+    def record(self, model: TableParameters, number: int) -> Record:
+        """The recording of a run of the wanted motion under a model."""
+        self.run(model, self.wanted, number)
+        return self.records[-1]
+
+    def run(self, model: TableParameters, reference: Array, number: int) -> ClosedLoop:
         """One run of a reference under a model.
 
         Raises
         ------
         ShakeError : the run diverged.
         """
-        dt = self.sample_time
-        observer, controller = self.loop(model)
-        run, finite = simulate(Loop(self.plant, observer, controller, reference, seed=number, delay=self.delay))
+        table, dt = self.table, self.table.sample_time
+        observer, controller = table.loop(model)
+        run, finite = simulate(Loop(table.plant, observer, controller, reference, seed=number, delay=table.delay))
         if finite < len(reference):
             raise ShakeError(f"run {number + 1} diverged after {finite * dt:.3f} s")
-        self.last = run
-        true, wanted = run.truth[:, 2], self.wanted[:, 2]
-        measured = run.measured[:, :2].T
-        self.records.append(Record(f"run {number + 1}", dt, run.command, *measured))
+        self.last, true, wanted = run, run.truth[:, 2], self.wanted[:, 2]
+        self.records.append(Record(f"run {number + 1}", dt, run.command, *run.measured[:, :2].T))
         self.errors.append(float(np.sqrt(np.mean((true - wanted) ** 2)) / np.std(wanted)))
         self.spectra.append(spectrum_of(true, dt))
         off = float(np.max(np.abs(self.spectra[-1] / self.aim - 1.0)))
-        text = f"acceleration {100.0 * self.errors[-1]:.2f} %, response spectrum {100.0 * off:.2f} %"
-        if self.judged_by is not None:
-            missed = error_in_band(wanted, run.measured[:, 1], dt, self.judged_by)
-            text = f"missed {100.0 * missed:.2f} % within the band (true {text})"
-        text = f"run {number + 1}: {text}"
-        with Progress("iterate", self.progress) as bar:
-            bar(text, 1.0)
+        missed = error_in_band(wanted, run.measured[:, 1], dt, self.judged_by)
+        with Progress("iterate", table.progress) as bar:
+            bar(
+                f"run {number + 1}: missed {100.0 * missed:.2f} % within the band (true acceleration "
+                f"{100.0 * self.errors[-1]:.2f} %, response spectrum {100.0 * off:.2f} %)",
+                1.0,
+            )
         return run
-
-    def acceleration(self, model: TableParameters | None, reference: Array, number: int) -> Array:
-        """The accelerometer's record of a run of a reference."""
-        return self.run(model, reference, number).measured[:, 1]
-
-    def record(self, model: TableParameters, number: int) -> Record:
-        """The recording of a run of the wanted motion under a model."""
-        self.run(model, self.wanted, number)
-        return self.records[-1]

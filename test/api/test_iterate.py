@@ -15,7 +15,7 @@ from shake_ros.core.reference.baseline import states_from_rest
 from shake_ros.data.reference_file import build_program
 from shake_ros.iteration.iterate import Iterated, iterate, iterate_simulated
 from shake_ros.iteration.table import SimulatedTable
-from shake_ros.settings import load_search
+from shake_ros.settings import load_search, load_table
 
 FIXED = ("model_soft_zone", "super_twisting_model")
 
@@ -88,4 +88,4 @@ def test_a_table_with_a_soft_zone_and_another_load_converges_by_the_defaults() -
 
 def test_own_gains_go_for_both_or_none() -> None:
     with pytest.raises(ShakeError, match="'own' goes for both or none"):
-        SimulatedTable(controller="super_twisting_model").loop(None)
+        SimulatedTable(controller="super_twisting_model").loop(load_table("bergamo"))
