@@ -21,12 +21,7 @@ NEEDED = ("title", "measure", "rows")
 RANGE = ("first", "last")
 LISTED = ("list", "with")
 LARGEST = 5_000_000  # rows
-SECTIONS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # kind of a section → its keys, those it needs
-    "shares": (("title", "shares", "by", "where", "of"), ("shares",)),
-    "matrix": (("title", "matrix", "by", "where", "of"), ("matrix",)),
-    "spread": (("title", "spread", "by", "where", "of"), ("spread",)),
-    "rate": (("title", "rate", "by", "where", "of"), ("rate",)),
-}
+SECTIONS = ("shares", "matrix", "spread", "rate")
 NAMED = {"matrix": ("truth", "named"), "rate": ("events", "over")}
 
 Row = Mapping[str, Any]
@@ -216,8 +211,7 @@ def _section(part: Any, where: str) -> StudySection:
     if not isinstance(part, Mapping) or len(kinds := [kind for kind in SECTIONS if kind in part]) != 1:
         raise ShakeError(f"{where}: is not a mapping with one of the keys {', '.join(SECTIONS)}")
     (kind,) = kinds
-    keys, needed = SECTIONS[kind]
-    given = strict_keys(part, keys, where, needed, kind="key")
+    given = strict_keys(part, ("title", kind, "by", "where", "of"), where, (kind,), kind="key")
     columns = given[kind]
     if kind in NAMED:
         columns = dict(strict_keys(columns, NAMED[kind], f"{where}: {kind}", NAMED[kind], kind="key"))
