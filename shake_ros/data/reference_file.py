@@ -23,6 +23,7 @@ from shake_ros.core.reference.program import Program, Shaping
 from shake_ros.core.reference.recorded import RecordedParameters
 from shake_ros.data.accelerograms import read_accelerogram
 from shake_ros.data.recordings import TableRecording
+from shake_ros.data.recordings.table import ARRAYS
 from shake_ros.data.result_folder import writing
 from shake_ros.settings import find, read_yaml
 
@@ -91,7 +92,6 @@ def write_drive(folder: Path, final: Path, drive: NDArray[np.float64], sample_ti
 
 
 Array = NDArray[np.float64]
-LINES = ("pressure_a", "pressure_b", "pressure_supply", "reference", "estimate", "truth")
 MOST_MISSING = 0.01  # share of the samples that straight lines may put in
 LONGEST_MISSING = 10  # of them in a row
 SAME = 1e-9  # of a motion's power, within which two places fit as well
@@ -172,7 +172,7 @@ def _whole(r: TableRecording, place: NDArray[np.int64], rows: slice, sample_time
     newest = np.maximum.accumulate(np.where(np.isfinite(command), np.arange(len(command)), 0))
     held = np.nan_to_num(command[newest])[rows]
     assert r.acceleration is not None
-    others: dict[str, Any] = {one: line(getattr(r, one)) for one in LINES if getattr(r, one) is not None}
+    others: dict[str, Any] = {one: line(getattr(r, one)) for one in ARRAYS if getattr(r, one) is not None}
     return replace(
         r,
         name=name,

@@ -81,15 +81,10 @@ def error_in_band(wanted: Array, achieved: Array, sample_time: float, parameters
 
     Outside the band nothing is corrected, and most of an accelerometer's noise lies there.
     """
-    frequency = frequencies(len(wanted), sample_time)
+    frequency = np.fft.rfftfreq(len(wanted), sample_time)
     weight = band(frequency, parameters.lowest_frequency, parameters.highest_frequency)
     missed = np.fft.irfft(weight * np.fft.rfft(achieved - wanted), len(wanted))
     return float(np.sqrt(np.mean(missed**2)) / np.std(wanted))
-
-
-def frequencies(samples: int, sample_time: float) -> Array:
-    """Frequencies of `rfft` [Hz]."""
-    return np.asarray(np.fft.rfftfreq(samples, sample_time), dtype=np.float64)
 
 
 def band(frequency: Array, low: float, high: float) -> Array:
@@ -166,7 +161,7 @@ def next_drive(wanted: Array, runs: Sequence[Run], sample_time: float, parameter
     last = runs[-1]
     if len(wanted) != len(last.drive):
         raise ShakeError(f"iteration: {len(wanted)} samples are wanted, the run has {len(last.drive)}")
-    frequency = frequencies(len(wanted), sample_time)
+    frequency = np.fft.rfftfreq(len(wanted), sample_time)
     weight = p.learning_gain * coherence * band(frequency, p.lowest_frequency, p.highest_frequency)
     size = np.abs(found) ** 2
     floor = p.regularisation * float(np.max(size[weight > 0.0], initial=0.0))
@@ -210,18 +205,7 @@ def converged(errors: Sequence[float], parameters: Iteration) -> str:
 
 
 def verdict(errors: Sequence[float], parameters: Iteration) -> str:
-    """What is wrong with an iteration that ended; empty where it converged.
-
-    >>> settings = Iteration(learning_gain=0.8, lowest_frequency=0.2, highest_frequency=20.0, smoothing=0.5,
-    ...     regularisation=0.01, position_limit=0.1, velocity_limit=0.6, acceleration_limit=9.0, good_enough=0.05,
-    ...     least_gain=0.05, runs=8, accepted=0.1)
-    >>> verdict([0.5, 0.08], settings)
-    ''
-    >>> verdict([2.58, 2.60, 2.48], settings)
-    'has not converged: the best of 3 runs misses 248.0 %, accepted are 10.0 %'
-    >>> verdict([0.2, 0.3, 0.4], settings)
-    'diverges: run 1 missed 20.0 %, the runs after it at least 30.0 %'
-    """
+    """What is wrong with an iteration that ended; empty where it converged."""
     best = min(errors)
     if best <= parameters.accepted:
         return ""

@@ -234,17 +234,17 @@ def iterate(
     found = recordings(runs)
     if not found:
         raise ShakeError("iterate: no recording of a run")
-    learn, before = learning(model, refit)
+    learn, carried = learning(refit), None if model is None else load_table(model)
     sample_time = round(found[0].sample_time, 7)
     target = build_program(str(wanted), sample_time).states[:, 2]
     made = [_run(recording, len(target), sample_time) for recording in found]
     missed = tuple(error_in_band(target, run.achieved, sample_time, parameters) for run in made)
     wrong = _growth(missed, parameters)
-    carried = None if model is None else load_table(model)
     known: dict[str, Any] = {"wrong": wrong, "first_model": carried, "records": tuple(found.records()) if wrong else ()}
-    if before is not None:
-        fitted = learn(before, found[-1:].records())
-        return Iterated(found.names, missed, sample_time, model=fitted, **known)
+    if learn is not None:
+        if carried is None:
+            raise ShakeError("--refit: needs --model, the table that is fitted")
+        return Iterated(found.names, missed, sample_time, model=learn(carried, found[-1:].records()), **known)
     drive, factor = drive_from_best(target, made, missed, sample_time, parameters)
     return Iterated(found.names, missed, sample_time, drive, factor, **known)
 
@@ -276,12 +276,12 @@ def iterate_simulated(
     parameters = load_iteration(settings) if runs is None else load_iteration(settings).replace(runs=runs)
     played = SimulatedTable(table) if isinstance(table, str) else table
     carried = load_table(model or played.declared)
-    learn, before = learning(carried, refit)
+    learn = learning(refit)
     first = np.array(build_program(str(wanted), played.sample_time).states)
     made, dt = SimulatedRuns(played, carried, first, parameters), played.sample_time
     references = list[Array]()
-    if before is not None:
-        models, missed, reason = iterate_model(first[:, 2], before, made.record, learn, parameters)
+    if learn is not None:
+        models, missed, reason = iterate_model(first[:, 2], carried, made.record, learn, parameters)
     else:
         references, missed, reason = corrected(first[:, 2], first, made.play, dt, parameters, made.weighed_anew)
         models = made.models
@@ -314,20 +314,16 @@ def load_iteration(settings: str | Iteration) -> Iteration:
     return Iteration.from_mapping(read_yaml(path), str(path))
 
 
-def learning(
-    model: str | TableParameters | None, effects: Sequence[str] | None
-) -> tuple[Learn, TableParameters | None]:
-    """`refit` of the declared parameters and those of named effects, and the model of the first run where wanted."""
+def learning(effects: Sequence[str] | None) -> Learn | None:
+    """`refit` of the declared parameters and those of named effects; None where nothing is to be fitted."""
     if effects is None:
-        return lambda table, _: table, None
-    if model is None:
-        raise ShakeError("--refit: needs --model, the table that is fitted")
+        return None
     free, known = free_parameters(), {c.effect: c for c in effect_candidates()}
     for effect in effects:
         if effect not in known:
             raise unknown_name("effect", effect, known, "--refit")
     chosen = [known[effect] for effect in effects]
-    return lambda table, records: refit(table, free, chosen, records), load_table(model)
+    return lambda table, records: refit(table, free, chosen, records)
 
 
 def _run(recording: TableRecording, samples: int, sample_time: float) -> Run:

@@ -166,7 +166,7 @@ def asked_of(
             "table": f"{live.words}; declared as {named}",
             "instruments": "of the live table, as recorded",
         }
-    learn = None if refit is None else learning(carried, refit)[0]
+    learn = learning(refit)
     makes_loop = chosen.loop.is_own and (live is None or model is not None or refit is not None)
     return Asked(wanted, code, plant, chosen, carried, learn, about, makes_loop)
 

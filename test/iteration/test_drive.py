@@ -90,7 +90,7 @@ def test_noise_of_the_accelerometer_does_not_move_the_next_drive_aside() -> None
 
 def test_noise_where_the_drive_has_no_power_does_not_stop_the_learning() -> None:
     # above 8 Hz the drive is silent and the accelerometer is not: S_AD/S_DD has any size there
-    frequency = iteration.frequencies(len(burst()), DT)
+    frequency = np.fft.rfftfreq(len(burst()), DT)
     wanted = np.fft.irfft(np.fft.rfft(burst()) * (frequency < 8.0), len(burst()))
     achieved = 0.7 * wanted + 0.01 * np.std(wanted) * np.random.RandomState(2).standard_normal(len(wanted))
     drive, _ = iteration.next_drive(wanted, [iteration.Run(wanted, achieved)], DT, settings(learning_gain=1.0))

@@ -88,6 +88,9 @@ SIGNALS = {
 }
 
 
+ARRAYS = ("stamps", "received", "values", "sources")  # of a series
+
+
 @dataclass(frozen=True)
 class Series:
     """The samples of one topic.
@@ -110,14 +113,7 @@ class Series:
         return len(self.stamps)
 
     def __getitem__(self, rows: slice | npt.NDArray[np.bool_] | Integers) -> Series:
-        changed = {name: getattr(self, name)[rows] for name in ("stamps", "received", "values", "sources")}
-        return replace(self, **changed)
-
-    @classmethod
-    def joined(cls, parts: Sequence[Series]) -> Series:
-        """Parts of one topic, one behind the other."""
-        names = ("stamps", "received", "values", "sources")
-        return cls(parts[0].topic, *(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+        return replace(self, **{name: getattr(self, name)[rows] for name in ARRAYS})
 
     @property
     def period(self) -> float:
@@ -172,7 +168,7 @@ class Collector:
     def take(self) -> Series:
         """All samples so far."""
         self._decode()
-        return Series.joined(self._parts)
+        return Series(self.topic, *(np.concatenate([getattr(part, name) for part in self._parts]) for name in ARRAYS))
 
 
 def with_acceleration(series: Series, findings: list[Finding]) -> Series:
