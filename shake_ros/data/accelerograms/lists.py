@@ -28,7 +28,6 @@ from shake_ros.data.accelerograms.accelerogram import (
     unit_in,
 )
 from shake_ros.data.tables.table import ColumnTable, read_table, table_of
-from shake_ros.data.tables.units import QUANTITIES, quantity_of
 
 NAME = "two_columns"
 AT_LEAST = 0.5  # step of a time without a unit from which it may be in milliseconds [s]
@@ -55,16 +54,9 @@ def read(text: Text, channel: int, unit: str) -> Accelerogram:
     )
 
 
-def _kind(table: ColumnTable, place: int) -> str:
-    """The quantity of a column, empty where neither unit nor name says it."""
-    unit, name = table.unit(place), quantity_of(table.name(place))
-    said = unit.quantity if unit and (unit.certain or unit.quantity == name) else ""
-    return said if said in QUANTITIES else name
-
-
 def _places(table: ColumnTable, channel: int) -> tuple[int, int]:
     """Columns of time and acceleration."""
-    kinds = {place: _kind(table, place) for place in table.numbers}
+    kinds = {place: table.quantity(place) for place in table.numbers}
     times = [place for place, kind in kinds.items() if kind == "time"]
     several = [place for place, kind in kinds.items() if kind == "acceleration"]
     if not times and "index" in kinds.values():

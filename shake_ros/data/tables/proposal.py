@@ -10,7 +10,7 @@ import numpy as np
 
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.tables.table import ColumnTable, read_table
-from shake_ros.data.tables.units import QUANTITIES, quantity_of
+from shake_ros.data.tables.units import quantity_of
 
 OFFERED = ("time", "command", "position", "acceleration", "force", "pressure")
 KINDS = {"voltage": "command", "current": "command", "share": "command"}
@@ -105,12 +105,9 @@ def propose(path: Path | str, skip: int | None = None, decimal: str = "") -> Pro
 
 def _kind(table: ColumnTable, place: int, values: np.ndarray) -> str:
     """What a column could be, by its unit, its name, or because it rises evenly."""
-    unit, name = table.unit(place), quantity_of(table.name(place))
-    if unit and unit.quantity in QUANTITIES and (unit.certain or unit.quantity == name):
-        kind = unit.quantity
+    kind, name = table.quantity(place), quantity_of(table.name(place))
+    if kind:
         return name if kind in KINDS and name in OFFERED else KINDS.get(kind, kind)
-    if name:
-        return name
     steps = np.diff(values)
     even = len(steps) > 1 and bool(np.all(steps > 0.0)) and float(np.ptp(steps)) < 0.01 * float(np.median(steps))
     return "time" if even and not any(table.names) else ""

@@ -29,7 +29,7 @@ from shake_ros.data.tables.layout import (
     over_midnight,
     split,
 )
-from shake_ros.data.tables.units import BRACKETS, QUANTITIES, Unit, unit_of
+from shake_ros.data.tables.units import BRACKETS, QUANTITIES, Unit, quantity_of, unit_of
 
 LONGEST_HEADER, FEW = 200, 12  # lines of a header, and of one heading in quotes
 CHUNK = 20_000  # rows that are taken at once
@@ -135,6 +135,12 @@ class ColumnTable:
         """The unit of a column; None where none is named or known."""
         row = self.units[place] if place < len(self.units) else ""
         return unit_of(self.names[place] if place < len(self.names) else "", row)
+
+    def quantity(self, place: int) -> str:
+        """The quantity of a column, of QUANTITIES or as its name says; empty where neither unit nor name does."""
+        unit, name = self.unit(place), quantity_of(self.name(place))
+        known = unit is not None and unit.quantity in QUANTITIES and (unit.certain or unit.quantity == name)
+        return unit.quantity if unit and known else name
 
     def signals(self, columns: dict[str, Column], wanted: dict[str, str]) -> dict[str, Converted]:
         """Some columns in SI units.
