@@ -150,7 +150,7 @@ BARE = re.compile(
 )
 
 
-def is_listed(lines: Sequence[str]) -> bool:
+def _is_listed(lines: Sequence[str]) -> bool:
     """Whether the first lines give a number of samples and a step, or speak of PEER."""
     head = "\n".join(lines[:HEADER_LINES])
     upper = head.upper()
@@ -172,8 +172,10 @@ def _bare(lines: Sequence[str], place: int) -> bool:
     )
 
 
-def listed(text: Text) -> list[Component]:
+def listed(text: Text) -> list[Component] | None:
     """The channel of the file."""
+    if not _is_listed(text.lines):
+        return None
     place, count, step = _count_and_step(text)
     first = next((i for i in range(place, len(text.lines)) if _numbers(text.lines[i])), len(text.lines))
     head = list(text.lines[:first])

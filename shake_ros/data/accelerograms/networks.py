@@ -12,7 +12,7 @@ comments, numbers of 10 or, with eight digits, of 14 characters); NIED, "K-NET A
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from shake_ros.data.accelerograms.accelerogram import LARGEST_NUMBER, Component, Text, shown, unit_in
 
@@ -39,13 +39,10 @@ STEP, SERIES_LENGTH, PEAK_PLACE = 61, 62, 63  # from 0, in the real header: [ms]
 UNDEFINED = -999.0
 
 
-def is_volume(lines: Sequence[str], begins: re.Pattern[str]) -> bool:
-    """Whether the file starts with an accelerogram of CSMIP or CDMG, CORRECTED or UNCORRECTED."""
-    return bool(begins.match(lines[0])) and not ELSEWHERE.search(lines[0])
-
-
-def volume(text: Text, begins: re.Pattern[str]) -> list[Component]:
-    """The channels of a volume 1 (UNCORRECTED) or 2 (CORRECTED)."""
+def volume(text: Text, begins: re.Pattern[str]) -> list[Component] | None:
+    """The channels of a volume 1 (UNCORRECTED) or 2 (CORRECTED) of CSMIP or CDMG."""
+    if not begins.match(text.lines[0]) or ELSEWHERE.search(text.lines[0]):
+        return None
     starts = [i for i, line in enumerate(text.lines) if begins.match(line)]
     ends = [*starts[1:], len(text.lines)]
     return [_of_volume(text, a, b, n) for n, (a, b) in enumerate(zip(starts, ends, strict=True), 1)]
@@ -122,13 +119,10 @@ def _names(text: Text, header: Sequence[str], number: int) -> tuple[str, str]:
     return label, titles[station + 1] if 0 <= station < len(titles) - 1 else text.path.stem
 
 
-def is_cosmos(lines: Sequence[str]) -> bool:
-    """Whether line 1 announces the format."""
-    return bool(BLOCK.match(lines[0]))
-
-
-def cosmos(text: Text) -> list[Component]:
-    """The blocks of acceleration of a COSMOS file."""
+def cosmos(text: Text) -> list[Component] | None:
+    """The blocks of acceleration of a COSMOS file, which line 1 announces."""
+    if not BLOCK.match(text.lines[0]):
+        return None
     starts = [i for i, line in enumerate(text.lines) if (m := BLOCK.match(line)) and m[2].lower() == "acceleration"]
     if not starts:
         raise text.bad(0, "holds velocity or displacement, not acceleration")
@@ -213,15 +207,13 @@ KEYED = re.compile(r"\s*([A-Z][\w./^() ]*?)\s*:\s*(.*?)\s*$")
 GEONET_TEXT, GEONET_NUMBERS = 16, 10
 
 
-def is_smc(lines: Sequence[str]) -> bool:
-    """Whether line 1 is a type of the format and line 12 holds its eight integers."""
-    if len(lines) <= SMC_TEXT or not re.match(r"\s*\d\s+\S", lines[0]):
-        return False
-    return len(lines[0].strip()) > 4 and len(lines[SMC_TEXT].rstrip()) >= 72 and "-32768" in lines[SMC_TEXT]
-
-
-def smc(text: Text) -> list[Component]:
-    """The channel of an .smc file, in cm/s²."""
+def smc(text: Text) -> list[Component] | None:
+    """The channel of an .smc file, in cm/s²: line 1 is a type of the format, line 12 holds its eight integers."""
+    if len(text.lines) <= SMC_TEXT or not re.match(r"\s*\d\s+\S", text.lines[0]):
+        return None
+    integers_line = text.lines[SMC_TEXT]
+    if len(text.lines[0].strip()) <= 4 or len(integers_line.rstrip()) < 72 or "-32768" not in integers_line:
+        return None
     if text.lines[0].strip()[0] not in SMC_ACCELERATION:
         raise text.bad(0, f"holds '{shown(text.lines[0].strip())}', not acceleration")
     integers, line = text.fixed(SMC_TEXT, INTEGERS, 10, 8, "integers of the header")
@@ -257,14 +249,11 @@ def smc(text: Text) -> list[Component]:
     ]
 
 
-def is_knet(lines: Sequence[str]) -> bool:
-    """Whether the header of K-NET and KiK-net stands above."""
-    head = "\n".join(lines[:20])
-    return "Scale Factor" in head and "Sampling Freq(Hz)" in head
-
-
-def knet(text: Text) -> list[Component]:
+def knet(text: Text) -> list[Component] | None:
     """The channel of a K-NET or KiK-net file: counts times a scale in gal."""
+    head = "\n".join(text.lines[:20])
+    if "Scale Factor" not in head or "Sampling Freq(Hz)" not in head:
+        return None
     fields = {m[1]: (m[2].strip(), i) for i, line in enumerate(text.lines[:20]) if (m := KNET.match(line))}
     scale = re.fullmatch(r"([\d.]+)\s*\((\w+)\)\s*/\s*(\d+)", fields["Scale Factor"][0])
     where = fields["Scale Factor"][1]
@@ -293,23 +282,12 @@ def knet(text: Text) -> list[Component]:
     ]
 
 
-def _keys(lines: Sequence[str]) -> Mapping[str, tuple[str, int]]:
-    """KEY: value of the first lines, with the line of each."""
-    return {m[1].upper(): (m[2], i) for i, line in enumerate(lines[:70]) if (m := KEYED.match(line))}
-
-
-def is_keyed(lines: Sequence[str]) -> bool:
-    """Whether the first lines are those of ESM, or of AFAD."""
-    keys = _keys(lines)
-    return {"NDATA", "SAMPLING_INTERVAL_S"} <= keys.keys() or {
-        "NUMBER OF DATA",
-        "SAMPLING INTERVAL (SEC)",
-    } <= keys.keys()
-
-
-def keyed(text: Text) -> list[Component]:
+def keyed(text: Text) -> list[Component] | None:
     """The channels of a file of ESM (one, in a column) or of AFAD (one, or three in as many columns)."""
-    keys = _keys(text.lines)
+    keys = {m[1].upper(): (m[2], i) for i, line in enumerate(text.lines[:70]) if (m := KEYED.match(line))}
+    of_esm = {"NDATA", "SAMPLING_INTERVAL_S"} <= keys.keys()
+    if not of_esm and not {"NUMBER OF DATA", "SAMPLING INTERVAL (SEC)"} <= keys.keys():
+        return None
     quantity = keys.get("DATA_TYPE", ("ACCELERATION", 0))
     if "ACC" not in quantity[0].upper():
         raise text.bad(quantity[1], f"holds {shown(quantity[0].lower())}, not acceleration")
@@ -355,15 +333,13 @@ def _is_row(line: str) -> bool:
     return bool(words) and all(re.fullmatch(r"[-+]?[\d.]+(?:[EeDd][-+]?\d+)?", word) for word in words)
 
 
-def is_geonet(lines: Sequence[str]) -> bool:
-    """Whether line 1 is that of GNS Science."""
-    return "accelerogram" in lines[0].lower() and "GNS Science" in lines[0]
-
-
-def geonet(text: Text) -> list[Component]:
-    """The components of a V1A or V2A file, in mm/s² unless the header says otherwise."""
+def geonet(text: Text) -> list[Component] | None:
+    """The components of a V1A or V2A file of GNS Science, in mm/s² unless the header says otherwise."""
+    starts = [i for i, line in enumerate(text.lines) if "accelerogram" in line.lower() and "GNS Science" in line]
+    if not starts or starts[0] != 0:
+        return None
     found = []
-    for first in (i for i, line in enumerate(text.lines) if is_geonet([line])):
+    for first in starts:
         titles = [text.line(first + i, "the header") for i in range(GEONET_TEXT)]
         head = "\n".join(titles)
         every = re.search(r"(?:at|intervals of)\s+([\d.]+)\s*s(?:ec)?\b(?:\s+intervals)?", titles[10])
