@@ -29,6 +29,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,7 +88,7 @@ def error_in_band(wanted: Array, achieved: Array, sample_time: float, parameters
     return float(np.sqrt(np.mean(missed**2)) / np.std(wanted))
 
 
-def band(frequency: Array, low: float, high: float) -> Array:
+def band(frequency: NDArray[np.floating[Any]], low: float, high: float) -> Array:
     """B(f): one inside low … high [Hz], fading over `EDGE` of either corner outside.
 
     >>> band(np.array([0.0, 1.0, 5.0, 10.0, 13.0]), 1.0, 10.0).tolist()
