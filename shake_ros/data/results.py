@@ -8,8 +8,6 @@ from dataclasses import asdict
 from itertools import zip_longest
 from typing import Any
 
-import numpy as np
-
 from shake_ros.core.discovery.closed_form import FunctionForm, LearntFunction
 from shake_ros.core.discovery.decision import ForwardStep, Refit
 from shake_ros.core.discovery.declared_fit import FittedModel
@@ -22,6 +20,7 @@ from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.loop.trials import TrackingBenefit
 from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.data.result_folder import as_json
 from shake_ros.explain.account import Account
 from shake_ros.explain.diagnosis import Diagnosis
 from shake_ros.explain.latent_force import LatentForce
@@ -117,18 +116,15 @@ def innovations_json(found: Innovations | None) -> dict[str, Any] | None:
     if found is None:
         return None
 
-    def ended(values: Sequence[float]) -> list[float | None]:
-        return [value if math.isfinite(value) else None for value in values]
-
     return {
         "rates": list(RATES),
-        "over_noise": {channel: ended(values) for channel, values in found.errors.items()},
-        "by_noise_alone": {channel: ended(values) for channel, values in found.by_noise.items()},
-        "relative_cost": ended(found.relative),
+        "over_noise": as_json(found.errors),
+        "by_noise_alone": as_json(found.by_noise),
+        "relative_cost": as_json(found.relative),
         "best_rate": found.best,
         "drawing_helps": found.helps,
         "horizons": list(HORIZONS),
-        "over_noise_ahead": {channel: ended(values) for channel, values in found.horizons.items()},
+        "over_noise_ahead": as_json(found.horizons),
         "text": found.text,
     }
 
@@ -136,11 +132,10 @@ def innovations_json(found: Innovations | None) -> dict[str, Any] | None:
 def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
     """Residual tests, correlation of the estimates (null at bounds), combinations left open, the recording to make."""
     known = diagnosis.identifiability
-    rows = [[float(c) if np.isfinite(c) else None for c in row] for row in known.correlation]
     return {
         "residuals": accounts_json(diagnosis.accounts),
         "innovations": innovations_json(diagnosis.innovations),
-        "correlation": {"names": list(known.names), "matrix": rows},
+        "correlation": {"names": list(known.names), "matrix": as_json(known.correlation)},
         "not_identified": [{"weights": c.weights, "deviation": c.deviation} for c in known.left_open],
         "relative_deviation": dict(zip(known.names, known.deviations.tolist(), strict=True)),
         "helpful_recordings": [
@@ -187,7 +182,7 @@ def function_json(function: LearntFunction) -> dict[str, Any]:
         "unit": function.unit,
         "at": function.at.tolist(),
         "values": function.values.tolist(),
-        "std_errors": _known(function.deviations),
+        "std_errors": as_json(function.deviations),
         "closed_form": _form_json(function.form),
         "second": _change_json(function.second) if function.second else None,
     }
@@ -202,8 +197,8 @@ def _change_json(change: LearntChange) -> dict[str, Any]:
         "at": change.at.tolist(),
         "above": change.above.tolist(),
         "below": change.below.tolist(),
-        "above_std_errors": _known(change.above_deviations),
-        "below_std_errors": _known(change.below_deviations),
+        "above_std_errors": as_json(change.above_deviations),
+        "below_std_errors": as_json(change.below_deviations),
         "closed_form": _form_json(change.form),
     }
 
@@ -216,10 +211,6 @@ def _form_json(form: FunctionForm | ChangeForm) -> dict[str, Any]:
         "misfit": form.misfit,
         "held_out_error_over_free": form.cost,
     }
-
-
-def _known(deviations: np.ndarray) -> list[float | None]:
-    return [float(d) if np.isfinite(d) else None for d in deviations]
 
 
 def _force_json(force: LatentForce) -> dict[str, Any]:
