@@ -27,12 +27,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Any
 
-from diagnostic_msgs.msg import DiagnosticArray
-
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.entry_points import NODES
-from shake_ros.ros.graph_client import GraphClient
-from shake_ros.ros.interface import DIAGNOSTICS, NAMESPACE, REFERENCE, TOPICS
+from shake_ros.ros.graph_client import LiveGraph
+from shake_ros.ros.interface import NAMESPACE, REFERENCE, TOPICS
 from shake_ros.ros.loop import TAKEN_DOWN, NodeLoop, build_node, ros_context, stopped_by_signals
 
 PR_SET_PDEATHSIG = 1
@@ -246,17 +244,12 @@ class Graph:
         """Return when every node has reported on /diagnostics, so has read its parameters, compiled and started."""
         wanted = {f"{self.namespace.strip('/')}/{node.called}" for node in self.nodes}
         deadline = time.monotonic() + timeout
-
-        def heard(message: DiagnosticArray) -> None:
-            wanted.difference_update(status.name.partition(":")[0] for status in message.status)
-
         with ros_context([], domain_id=self.domain_id) as context:
-            probe = GraphClient(context, "graph_probe")
-            probe.node.create_subscription(DIAGNOSTICS.type, DIAGNOSTICS.name, heard, DIAGNOSTICS.qos(self.lockstep))
-            while wanted:
+            probe = LiveGraph(context, self.namespace)
+            while missing := wanted - {*probe.reports}:
                 self.check()
                 if time.monotonic() > deadline:
-                    raise GraphError(f"not started after {timeout:g} s: {', '.join(sorted(wanted))}")
+                    raise GraphError(f"not started after {timeout:g} s: {', '.join(sorted(missing))}")
                 probe.look(POLL)
             probe.close()
 

@@ -1,42 +1,47 @@
-"""What looks at a graph and asks it, beside its nodes; and how `lab` does: who reports, the stage, an orderly stop."""
+"""What looks at a graph and asks it, beside its nodes: their reports, parameters and services."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter_client import AsyncParameterClient
 
-from shake_ros.core.quantities import ShakeError
-from shake_ros.core.safety.stages import OFF, STAGES
-from shake_ros.ros.diagnostics import ERROR, LEVELS, NO_ANSWER
-from shake_ros.ros.exclusive_writer import ExclusiveWriter
-from shake_ros.ros.interface import DIAGNOSTICS, ENABLE, ESTIMATE, JOINT_STATES, REFERENCE, VALVE_COMMAND
+from shake_ros.core.quantities import Parameters, ShakeError
+from shake_ros.ros.diagnostics import ERROR, LEVELS
+from shake_ros.ros.interface import DIAGNOSTICS, ENABLE, SERVICES, VALVE_COMMAND
 
 TABLES = ("plant", "hardware_bridge")
 POLL = 0.05  # [s]
-SLOW = 5.0  # an orderly stop that takes longer is explained [s]
-LOOP_TOPICS = (JOINT_STATES, REFERENCE, ESTIMATE, VALVE_COMMAND)
+ANSWER = 120.0  # a node that compiles what it is given answers within [s]
+SILENT = 15.0  # a node that has not reported for so long is lost [s]
+P = TypeVar("P", bound=Parameters)
 
 
-class Report(NamedTuple):
+@dataclass(frozen=True)
+class Report:
     """What /diagnostics says of a node or of a part of it.
 
     node : full name, without the first slash.
     part : its executable; "interlock" or "fault" for what has just happened.
-    level, text : of the message.
+    level, message : as published.
     values : by key.
+    heard : when it arrived, on the monotonic clock [s].
     """
 
     node: str
     part: str
     level: int
-    text: str
+    message: str
     values: dict[str, str]
+    heard: float = field(default_factory=time.monotonic)
 
 
 def values_of(status: DiagnosticStatus) -> dict[str, str]:
@@ -81,9 +86,13 @@ class GraphClient:
     def until(self, found: Callable[[], Any], timeout: float) -> Any:
         """What `found` finds as soon as it is something; what it finds after `timeout` [s] else."""
         deadline = time.monotonic() + timeout
-        while not (result := found()) and time.monotonic() < deadline:
-            self.look()
+        while not (result := found()) and (left := deadline - time.monotonic()) > 0.0:
+            self.look(min(POLL, left))
         return result
+
+    def spin(self, seconds: float) -> None:
+        """Serve what comes for so long."""
+        self.until(lambda: False, seconds)
 
     def answer(self, future: Any, of: str, timeout: float) -> Any:
         """The result of a call; ShakeError where none comes within `timeout` [s]."""
@@ -97,78 +106,92 @@ class GraphClient:
         self.node.destroy_node()
 
 
-class LabWatch(GraphClient):
-    """The eyes of `lab`.
+class LiveGraph(GraphClient):
+    """A node of one's own beside the graph of a namespace, which hears what its nodes report.
 
     Attributes
     ----------
-    heard : executables that have reported on /diagnostics since they were last forgotten.
-    stage : of the table as last reported; empty before.
-    cycles : samples that the table has taken, as last reported; empty before.
-    missing : what the table's node says of a target computer that does not answer; empty where none is missed.
-    tripped : causes that the interlock has acted on since its node started.
-    acts : whether commands act, with a master gain that rises no more.
-    trips : words of what the interlock has acted on since they were last taken.
+    reports : executable, and full name without the first slash → newest report.
+    trips : words of what the interlock has acted on since this was made.
+    services : clients of the interlock's services, by name.
     """
 
-    def __init__(self, context: Context, namespace: str, lockstep: bool) -> None:
-        super().__init__(context, "_shake_lab", namespace)
-        self.heard: set[str] = set()
-        self.stage = self.cycles = self.missing = ""
-        self.tripped: set[str] = set()
-        self.acts = False
+    def __init__(self, context: Context, namespace: str) -> None:
+        super().__init__(context, "_shake_live", namespace)
+        self.reports: dict[str, Report] = {}
         self.trips: list[str] = []
-        self._gain = ""
-        self.node.create_subscription(DIAGNOSTICS.type, DIAGNOSTICS.name, self._report, DIAGNOSTICS.qos(lockstep))
-        self._enable: Any = self.node.create_client(ENABLE.type, ENABLE.name)
+        self.services: dict[str, Any] = {
+            name: self.node.create_client(service.type, service.name) for name, service in SERVICES.items()
+        }
+        self._clients: dict[str, AsyncParameterClient] = {}
+        self.node.create_subscription(DIAGNOSTICS.type, DIAGNOSTICS.name, self._on_report, DIAGNOSTICS.qos(False))
 
-    def _report(self, message: DiagnosticArray) -> None:
+    def _on_report(self, message: DiagnosticArray) -> None:
         for report in reports_in(message, self.space):
-            self.heard.add(report.node.rpartition("/")[2])
-            if report.part == "interlock" and report.level == ERROR:
-                self.trips.append(report.text)
-            if report.part in TABLES:
-                values = report.values
-                self.missing = report.text if report.text.startswith(NO_ANSWER) else ""
-                self.stage, self.cycles = values.get("stage", self.stage), values.get("cycles", self.cycles)
-                self.tripped = {one.partition(":")[0] for one in values.get("trips", "").split()}
-                gain, self._gain = self._gain, values.get("span", "")
-                self.acts = values.get("passes") == "True" and gain == self._gain and float(gain) > 0.0
+            if report.part == "interlock":
+                self.trips += [report.message] if report.level == ERROR else []
+            elif report.part != "fault":
+                self.reports[report.part] = self.reports[report.node] = report
 
-    def spin(self, seconds: float) -> None:
-        """Serve what comes for so long."""
-        end = time.monotonic() + seconds
-        while True:
-            self.look(max(0.0, end - time.monotonic()))
-            if time.monotonic() >= end:
-                return
+    @property
+    def table(self) -> Report | None:
+        """Newest report of the table, simulated or real; None before the first."""
+        return next((self.reports[name] for name in TABLES if name in self.reports), None)
 
-    def refuse_a_second_graph(self, domain: int) -> None:
-        """Raise ShakeError where a running node of this machine has a topic of the loop."""
-        exclusive = ExclusiveWriter(domain)
-        try:
-            for topic in LOOP_TOPICS:
-                exclusive.take("topic", str(self.node.resolve_topic_name(topic.name)))
-        finally:
-            exclusive.give_up()
+    def of_table(self, key: str) -> str:
+        """A value as the table last reported it; empty before."""
+        return self.table.values.get(key, "") if self.table else ""
 
-    def stop_in_order(self, timeout: float, slowly: Callable[[], None] | None = None) -> bool:
-        """A hold, then the pressure off; whether the table said so within `timeout` [s].
+    def report(self, name: str) -> Report:
+        """The newest report of a node, waited for if the last one is old; ShakeError where it is silent."""
+        if not self.until(lambda: time.monotonic() - self.reports[name].heard < SILENT, SILENT):
+            found = self.reports[name]
+            raise ShakeError(f"{found.node} has been silent for {SILENT:g} s; its last message was: {found.message}")
+        return self.reports[name]
 
-        With `slowly` (lock-step, which a busy machine runs at a fraction of real time) the timeout begins anew with
-        every sample that the table takes; it is called once, where the stop takes longer than that of a quick table.
-        """
-        begun = since = time.monotonic()
-        asked = reported = False
-        cycles = self.cycles
-        while self.stage not in ("", STAGES[OFF]) and time.monotonic() - since < timeout:
-            if not asked and self._enable.service_is_ready():
-                self._enable.call_async(ENABLE.type.Request(data=False))
-                asked = True
-            self.spin(POLL)
-            if slowly and self.cycles != cycles:
-                since, cycles = time.monotonic(), self.cycles
-                if not reported and since - begun > SLOW:
-                    reported = True
-                    slowly()
-        return self.stage in ("", STAGES[OFF])
+    def next_report(self, name: str) -> Report:
+        """The first report of a node from now on."""
+        before = self.reports.get(name)
+        if not self.until(lambda: self.reports.get(name) is not before, SILENT) and before is None:
+            raise ShakeError(f"{name} has not reported for {SILENT:g} s")
+        return self.report(name)
+
+    @property
+    def commanders(self) -> int:
+        """How many nodes publish commands."""
+        return self.node.count_publishers(self.node.resolve_topic_name(VALVE_COMMAND.name))
+
+    def get(self, executable: str, *names: str) -> list[Any]:
+        """Values of parameters of a node."""
+        result = self.answer(self._client(executable).get_parameters(list(names)), executable, ANSWER)
+        return [parameter_value_to_python(value) for value in result.values]
+
+    def get_names(self, executable: str) -> list[str]:
+        """Names of the parameters of a node."""
+        return list(self.answer(self._client(executable).list_parameters(), executable, ANSWER).result.names)
+
+    def set(self, executable: str, values: Mapping[str, Any]) -> None:
+        """Set parameters of a node, all or none; ShakeError with the reason where it refuses."""
+        wanted = [Parameter(name, value=value) for name, value in values.items()]
+        result = self.answer(self._client(executable).set_parameters_atomically(wanted), executable, ANSWER).result
+        if not result.successful:
+            raise ShakeError(f"{self.reports[executable].node}: {result.reason or 'refused'}")
+
+    def enable(self, on: bool) -> None:
+        """Ask the table to start or to stop in order; ShakeError where it refuses."""
+        request = ENABLE.type.Request(data=on)
+        answer = self.answer(self.services[ENABLE.name].call_async(request), ENABLE.name, ANSWER)
+        if not answer.success:
+            raise ShakeError(f"the table refuses: {answer.message}")
+
+    def values(self, executable: str, given: P) -> P:
+        """Parameters as a node has them now, in place of those `given`."""
+        names = [f.name for f in fields(given)]
+        return given.replace(**dict(zip(names, self.get(executable, *names), strict=True)))
+
+    def _client(self, executable: str) -> AsyncParameterClient:
+        name = f"/{self.reports[executable].node}"
+        client = self._clients.setdefault(name, AsyncParameterClient(self.node, name))
+        if not self.until(client.services_are_ready, SILENT):
+            raise ShakeError(f"{name}: its parameters cannot be reached")
+        return client

@@ -16,15 +16,17 @@ from pathlib import Path
 
 from shake_ros.core.quantities import ShakeError
 from shake_ros.page.desk import Exchange
+from shake_ros.ros.exclusive_writer import ExclusiveWriter
 from shake_ros.ros.graph import Graph, NodeSpec, awaited, command
-from shake_ros.ros.graph_client import LabWatch
-from shake_ros.ros.interface import NAMESPACE
+from shake_ros.ros.graph_client import LiveGraph
+from shake_ros.ros.interface import ESTIMATE, JOINT_STATES, NAMESPACE, REFERENCE, VALVE_COMMAND
 from shake_ros.ros.loop import ros_context
-from shake_ros.ros.supervisor import LabStart, Supervisor
+from shake_ros.ros.supervisor import Supervisor, begin
 
 Value = bool | int | float | str
 LOOP = "loop"  # the process of a composed graph
 ENOUGH = 4  # processors for five nodes with priority and a page beside
+LOOP_TOPICS = (JOINT_STATES, REFERENCE, ESTIMATE, VALVE_COMMAND)
 NO_REFERENCE_READER = ("tracking_error", "stale_reference")  # causes that lock-step does not know
 
 
@@ -97,7 +99,7 @@ def changes(given: Sequence[str]) -> dict[str, dict[str, Value]]:
 
 
 def begins_later(given: argparse.Namespace) -> bool:
-    """Whether pressure and reference wait until all nodes run (LabStart); in lock-step time waits itself."""
+    """Whether pressure and reference wait until all nodes run (`begin`); in lock-step time waits itself."""
     return bool(given.enabled and not given.lockstep)
 
 
@@ -191,6 +193,16 @@ def crowded(given: argparse.Namespace, count: int) -> str:
     )
 
 
+def refuse_a_second_graph(live: LiveGraph, domain: int) -> None:
+    """Raise ShakeError where a running node of this machine has a topic of the loop."""
+    exclusive = ExclusiveWriter(domain)
+    try:
+        for topic in LOOP_TOPICS:
+            exclusive.take("topic", str(live.node.resolve_topic_name(topic.name)))
+    finally:
+        exclusive.give_up()
+
+
 def main(arguments: Sequence[str]) -> int:
     """Run the laboratory; returns the exit code."""
     given = parser().parse_args(list(arguments))
@@ -200,12 +212,12 @@ def main(arguments: Sequence[str]) -> int:
     domain = int(os.environ.get("ROS_DOMAIN_ID", "0"))
     with tempfile.TemporaryDirectory(prefix="shake_ros-lab-") as folder, ros_context([], domain_id=domain) as context:
         exchange = Exchange(Path(folder))
-        watch = LabWatch(context, NAMESPACE, given.lockstep)
-        watch.refuse_a_second_graph(domain)
+        live = LiveGraph(context, NAMESPACE)
+        refuse_a_second_graph(live, domain)
         graph = Graph(nodes(given, exchange.path), domain_id=domain, lockstep=given.lockstep)
         later = begins_later(given)
-        start = LabStart(watch, later, later and given.play)
-        supervisor = Supervisor(graph, watch, start, exchange, given.folder.absolute() / "recordings")
+        start = begin(live, later, later and given.play)
+        supervisor = Supervisor(graph, live, start, exchange, given.folder.absolute() / "recordings")
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, lambda *_: supervisor.ask_to_stop())
         try:
@@ -213,7 +225,7 @@ def main(arguments: Sequence[str]) -> int:
         finally:
             graph.kill()
             exchange.close()
-            watch.close()
+            live.close()
 
 
 if __name__ == "__main__":

@@ -13,126 +13,23 @@ import tempfile
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray
 from numpy.typing import NDArray
-from rclpy.context import Context
-from rclpy.parameter import Parameter, parameter_value_to_python
-from rclpy.parameter_client import AsyncParameterClient
 
 from shake_ros.api.live_table import InterlockHeldError
-from shake_ros.core.quantities import Parameters, ShakeError
+from shake_ros.core.quantities import ShakeError
 from shake_ros.core.safety.causes import CAUSES, InterlockParameters
 from shake_ros.core.safety.stages import OFF, RUN, STAGES
 from shake_ros.data.reference_file import write_drive
 from shake_ros.ros.conversions import SECOND
-from shake_ros.ros.diagnostics import ERROR
 from shake_ros.ros.frame import FIRST_STAMP
 from shake_ros.ros.graph import Graph, GraphError, NodeSpec
-from shake_ros.ros.graph_client import TABLES, GraphClient, reports_in
-from shake_ros.ros.interface import DIAGNOSTICS, ENABLE, NAMESPACE, VALVE_COMMAND
+from shake_ros.ros.graph_client import TABLES, LiveGraph
+from shake_ros.ros.interface import NAMESPACE, VALVE_COMMAND
 from shake_ros.ros.loop import ros_context
-
-ANSWER = 120.0  # a node that compiles what it is given answers within [s]
-P = TypeVar("P", bound=Parameters)
-SILENT = 15.0  # a node that has not reported for so long is lost [s]
-
-
-@dataclass
-class NodeReport:
-    """The newest report of a node: its full name, message, values; when it arrived [s], and how many arrived [-]."""
-
-    node: str
-    message: str = ""
-    values: dict[str, str] = field(default_factory=dict)
-    heard: float = 0.0
-    count: int = 0
-
-
-class LiveGraph(GraphClient):
-    """A node of one's own beside the graph of a namespace.
-
-    Attributes
-    ----------
-    reports : executable → newest report.
-    nodes : the same by full name, where several have one executable.
-    trips : words of what the interlock has acted on since this was made.
-    """
-
-    def __init__(self, context: Context, namespace: str) -> None:
-        super().__init__(context, "_shake_live", namespace)
-        self.reports: dict[str, NodeReport] = {}
-        self.nodes: dict[str, NodeReport] = {}
-        self.trips: list[str] = []
-        self._clients: dict[str, AsyncParameterClient] = {}
-        self._enable: Any = self.node.create_client(ENABLE.type, ENABLE.name)
-        self.node.create_subscription(DIAGNOSTICS.type, DIAGNOSTICS.name, self._on_report, DIAGNOSTICS.qos(False))
-
-    def _on_report(self, message: DiagnosticArray) -> None:
-        for node, part, level, text, values in reports_in(message, self.space):
-            if part == "interlock":
-                self.trips += [text] if level == ERROR else []
-            elif part != "fault":
-                report = self.reports[part] = self.nodes.setdefault(node, NodeReport(node))
-                report.message, report.values = text, values
-                report.heard, report.count = time.monotonic(), report.count + 1
-
-    def report(self, executable: str) -> NodeReport:
-        """The newest report of a node, waited for if the last one is old; ShakeError where it is silent."""
-        if not self.until(lambda: time.monotonic() - self.reports[executable].heard < SILENT, SILENT):
-            found = self.reports[executable]
-            raise ShakeError(f"{found.node} has been silent for {SILENT:g} s; its last message was: {found.message}")
-        return self.reports[executable]
-
-    def next_report(self, executable: str) -> NodeReport:
-        """The first report of a node from now on."""
-        before = self.reports[executable].count
-        self.until(lambda: self.reports[executable].count > before, SILENT)
-        return self.report(executable)
-
-    @property
-    def commanders(self) -> int:
-        """How many nodes publish commands."""
-        return self.node.count_publishers(self.node.resolve_topic_name(VALVE_COMMAND.name))
-
-    def get(self, executable: str, *names: str) -> list[Any]:
-        """Values of parameters of a node."""
-        result = self.answer(self._client(executable).get_parameters(list(names)), executable, ANSWER)
-        return [parameter_value_to_python(value) for value in result.values]
-
-    def get_names(self, executable: str) -> list[str]:
-        """Names of the parameters of a node."""
-        return list(self.answer(self._client(executable).list_parameters(), executable, ANSWER).result.names)
-
-    def set(self, executable: str, values: Mapping[str, Any]) -> None:
-        """Set parameters of a node, all or none; ShakeError with the reason where it refuses."""
-        wanted = [Parameter(name, value=value) for name, value in values.items()]
-        result = self.answer(self._client(executable).set_parameters_atomically(wanted), executable, ANSWER).result
-        if not result.successful:
-            raise ShakeError(f"{self.reports[executable].node}: {result.reason or 'refused'}")
-
-    def enable(self, on: bool) -> None:
-        """Ask the table to start or to stop in order; ShakeError where it refuses."""
-        answer = self.answer(self._enable.call_async(ENABLE.type.Request(data=on)), "enable", ANSWER)
-        if not answer.success:
-            raise ShakeError(f"the table refuses: {answer.message}")
-
-    def values(self, executable: str, given: P) -> P:
-        """Parameters as a node has them now, in place of those `given`."""
-        names = [f.name for f in fields(given)]
-        return given.replace(**dict(zip(names, self.get(executable, *names), strict=True)))
-
-    def _client(self, executable: str) -> AsyncParameterClient:
-        name = f"/{self.reports[executable].node}"
-        client = self._clients.setdefault(name, AsyncParameterClient(self.node, name))
-        if not self.until(client.services_are_ready, SILENT):
-            raise ShakeError(f"{name}: its parameters cannot be reached")
-        return client
-
 
 Array = NDArray[np.float64]
 LOOK = 6.0  # for a graph [s]
@@ -275,18 +172,12 @@ class GraphTable:
     def _wait_for(self, recorder: Graph, end: int) -> None:
         """Until the recorder has what was played; in lock-step up to the sample `end`, as it may be far behind."""
         graph, (name,) = self.graph, (node.called for node in recorder.nodes)
-        full = f"{graph.node.get_namespace().strip('/')}/{name}"
+        full = f"{graph.space}/{name}"
         period = round(self.sample_time * SECOND)
         needed = FIRST_STAMP + end * period if self.lockstep else 0
-        reports = graph.nodes[full].count if full in graph.nodes else 0
-
-        def there() -> bool:
-            report = graph.nodes.get(full)
-            if report is None or report.count < reports + 2:
-                return False
-            return int(report.values.get("recorded_to_ns", 0)) >= needed
-
-        if not graph.until(there, STALLED):
+        for _ in range(2):  # the first may have been made before the end
+            graph.next_report(full)
+        if not graph.until(lambda: int(graph.reports[full].values.get("recorded_to_ns", 0)) >= needed, STALLED):
             raise ShakeError(f"{name} is more than {STALLED:g} s behind the table")
 
     def carry(self, observer: Path, controller: Path) -> None:

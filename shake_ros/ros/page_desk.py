@@ -23,7 +23,7 @@ from shake_ros.page.samples import RunMeter, SampleStore, amplitude_spectrum
 from shake_ros.ros import interface
 from shake_ros.ros.diagnostics import LEVELS
 from shake_ros.ros.frame import Frame
-from shake_ros.ros.graph_client import TABLES, reports_in, values_of
+from shake_ros.ros.graph_client import TABLES, Report, reports_in, values_of
 from shake_ros.ros.node_help import RemoteParameters
 from shake_ros.settings import find, load_table, read_yaml
 
@@ -74,7 +74,7 @@ class PageDesk:
         self._answers: dict[int, Future[Answer]] = {}
         self.namespace = frame.node.get_namespace()
         self._space = self.namespace.strip("/")
-        self._nodes: dict[str, dict[str, Any]] = {}
+        self._nodes: dict[str, Report] = {}
         self._trips: deque[dict[str, Any]] = deque(maxlen=TRIPS)
         self._thd: dict[str, Any] = {}
         self._harmonics: list[list[float]] = []
@@ -101,22 +101,20 @@ class PageDesk:
     # in the node's thread
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        for node, part, level, text, values in reports_in(message, self._space):
-            if part == "interlock":
-                self._trips.append({"at": time.time(), "text": text, **values})
+        for report in reports_in(message, self._space):
+            if report.part == "interlock":
+                self._trips.append({"at": time.time(), "text": report.message, **report.values})
                 continue
-            if part == "fault":
-                self._trips.append({"at": time.time(), "text": f"fault on purpose: {text}", "cause": "fault"})
+            if report.part == "fault":
+                self._trips.append({"at": time.time(), "text": f"fault on purpose: {report.message}", "cause": "fault"})
                 continue
-            if part == "release":
-                self._release = text
+            if report.part == "release":
+                self._release = report.message
                 continue
-            name = node.rpartition("/")[2]
-            if name not in self._nodes or time.monotonic() - self._nodes[name]["heard"] > SILENT:
+            name = report.node.rpartition("/")[2]
+            if name not in self._nodes or time.monotonic() - self._nodes[name].heard > SILENT:
                 self.remote.know(name)
-            self._nodes[name] = {
-                "level": level, "message": text, "heard": time.monotonic(), "values": values, "part": part,
-            }  # fmt: skip
+            self._nodes[name] = report
 
     def _on_thd(self, message: DiagnosticArray) -> None:
         self._thd = {**values_of(message.status[0]), "heard": time.monotonic()}
@@ -201,7 +199,8 @@ class PageDesk:
         for name, one in sorted(self._nodes.items()):
             if name == "recorder" and self._lab and not self._recording and name not in self._processes:
                 continue
-            nodes[name] = {**one, "age": now - one["heard"], "lost": now - one["heard"] > silent}
+            age = now - one.heard
+            nodes[name] = {**vars(one), "age": age, "lost": age > silent}
         table = next((nodes[name] for name in TABLES if name in nodes), None)
         stage = table["values"].get("stage", "") if table else ""
         died = {name: why for name, why in self._processes.items() if why}

@@ -19,7 +19,8 @@ from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import Parameters, ShakeError
 from shake_ros.ros.diagnostics import OK, WARN
 from shake_ros.ros.frame import Frame
-from shake_ros.ros.live_table import WHOLE, LiveGraph
+from shake_ros.ros.graph_client import LiveGraph
+from shake_ros.ros.live_table import WHOLE
 from shake_ros.settings import load_table, load_variant, save_table
 from shake_ros.twin.release import Release, for_table
 from shake_ros.twin.twin import WATCHING, TwinWindow

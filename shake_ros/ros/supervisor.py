@@ -12,7 +12,7 @@ from __future__ import annotations
 import select
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,90 +21,91 @@ from rclpy.parameter_client import AsyncParameterClient
 
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.safety.causes import TIMED
+from shake_ros.core.safety.stages import OFF, STAGES
 from shake_ros.page.desk import Exchange
+from shake_ros.ros.diagnostics import NO_ANSWER
 from shake_ros.ros.graph import LAST, Graph, NodeSpec
-from shake_ros.ros.graph_client import TABLES, LabWatch
-from shake_ros.ros.interface import ENABLE, RESET
+from shake_ros.ros.graph_client import POLL, TABLES, LiveGraph
+from shake_ros.ros.interface import ENABLE, RESET, Service
 
 GENERATOR = "reference_generator"
+SLOW = 5.0  # an orderly stop that takes longer is explained [s]
 
 
-class LabStart:
-    """The first enabling of a graph, and the first `play`; both only as they are asked for.
-
-    Parameters
-    ----------
-    watch : the lab's eyes.
-    enable, play : what is asked for.
-    """
-
-    def __init__(self, watch: LabWatch, enable: bool, play: bool) -> None:
-        self._watch = watch
-        self._wanted = [*([self._enable, self._wait] if enable else []), *([self._play] if play else [])]
-        self._reset_done = False
-        self._future: Any = None
-        node = watch.node
-        self._services: dict[str, Any] = {
-            one.name: node.create_client(one.type, one.name) for one in (ENABLE, RESET) if enable
-        }
-        self._generator = AsyncParameterClient(node, GENERATOR) if play else None
-
-    def go_on(self) -> str:
-        """One step of it, without waiting; what there is to say, empty for nothing."""
-        return self._wanted[0]() if self._wanted else ""
-
-    def _ask(self, service: Any, name: str) -> Any:
-        """Answer of a service; None while there is none."""
-        if self._future is None and self._services[name].service_is_ready():
-            self._future = self._services[name].call_async(service)
-        return self._answer()
-
-    def _answer(self) -> Any:
-        if self._future is None or not self._future.done():
-            return None
-        answer, self._future = self._future.result(), None
-        return answer
-
-    def _enable(self) -> str:
-        answer = self._ask(ENABLE.type.Request(data=True), ENABLE.name)
-        if answer is None:
-            return ""
-        if answer.success:
-            self._wanted.pop(0)
-            return ""
-        if not self._reset_done and self._watch.tripped <= {*TIMED}:
-            self._reset_done = True
-            self._wanted.insert(0, self._reset)
-            return f"tripped while the nodes started: {answer.message}"
-        self._wanted.clear()
-        return f"not enabled: {answer.message}"
-
-    def _reset(self) -> str:
-        answer = self._ask(RESET.type.Request(), RESET.name)
-        if answer is None:
-            return ""
-        self._wanted.pop(0)
-        return "reset, before any pressure" if answer.success else f"reset refused: {answer.message}"
-
-    def _wait(self) -> str:
-        if not self._watch.acts:
-            return ""
-        self._wanted.pop(0)
-        return "commands act"
-
-    def _play(self) -> str:
-        assert self._generator is not None
-        if self._future is None and self._generator.services_are_ready():
-            self._future = self._generator.set_parameters([Parameter("play", value=True)])
-        answer = self._answer()
-        if answer is None:
-            return ""
-        self._wanted.pop(0)
+def begin(live: LiveGraph, enable: bool, play: bool) -> Iterator[str]:
+    """The first enabling of a graph, and the first `play`; yields what there is to say, empty while it waits."""
+    if enable:
+        answer = yield from _called(live, ENABLE, ENABLE.type.Request(data=True))
+        if not answer.success and _tripped(live) <= {*TIMED}:
+            yield f"tripped while the nodes started: {answer.message}"
+            reset = yield from _called(live, RESET, RESET.type.Request())
+            yield "reset, before any pressure" if reset.success else f"reset refused: {reset.message}"
+            answer = yield from _called(live, ENABLE, ENABLE.type.Request(data=True))
+        if not answer.success:
+            yield f"not enabled: {answer.message}"
+            return
+        yield from _act(live)
+        yield "commands act"
+    if play:
+        client = AsyncParameterClient(live.node, GENERATOR)
+        while not client.services_are_ready():
+            yield ""
+        answer = yield from _answered(client.set_parameters([Parameter("play", value=True)]))
         result = answer.results[0]
-        return "" if result.successful else f"{GENERATOR}: {result.reason or 'play refused'}"
+        yield "" if result.successful else f"{GENERATOR}: {result.reason or 'play refused'}"
 
 
-POLL = 0.05  # [s]
+def _called(live: LiveGraph, service: Service, request: Any) -> Generator[str, None, Any]:
+    client = live.services[service.name]
+    while not client.service_is_ready():
+        yield ""
+    return (yield from _answered(client.call_async(request)))
+
+
+def _answered(future: Any) -> Generator[str, None, Any]:
+    while not future.done():
+        yield ""
+    return future.result()
+
+
+def _tripped(live: LiveGraph) -> set[str]:
+    """Causes that the interlock has acted on since its node started."""
+    return {one.partition(":")[0] for one in live.of_table("trips").split()}
+
+
+def _act(live: LiveGraph) -> Iterator[str]:
+    """Until commands pass, with a master gain that rises no more from one report to the next."""
+    gain, newest = live.of_table("span"), live.table
+    while True:
+        if live.table is not newest:
+            newest, before, gain = live.table, gain, live.of_table("span")
+            if live.of_table("passes") == "True" and gain == before and float(gain) > 0.0:
+                return
+        yield ""
+
+
+def stop_in_order(live: LiveGraph, timeout: float, slowly: Callable[[], None] | None = None) -> bool:
+    """A hold, then the pressure off; whether the table said so within `timeout` [s].
+
+    With `slowly` (lock-step, which a busy machine runs at a fraction of real time) the timeout begins anew with
+    every sample that the table takes; it is called once, where the stop takes longer than that of a quick table.
+    """
+    begun = since = time.monotonic()
+    asked = reported = False
+    cycles = live.of_table("cycles")
+    while live.of_table("stage") not in ("", STAGES[OFF]) and time.monotonic() - since < timeout:
+        if not asked and live.services[ENABLE.name].service_is_ready():
+            live.services[ENABLE.name].call_async(ENABLE.type.Request(data=False))
+            asked = True
+        live.spin(POLL)
+        if slowly and live.of_table("cycles") != cycles:
+            since, cycles = time.monotonic(), live.of_table("cycles")
+            if not reported and since - begun > SLOW:
+                reported = True
+                slowly()
+    return live.of_table("stage") in ("", STAGES[OFF])
+
+
 SIGNAL_REPEAT = 2.0  # a signal that comes later than this after the first ends all at once [s]
 STOPPING = 12.0  # an orderly stop may take so long [s]
 COMPILING = 4.0  # a start that takes longer says why [s]
@@ -122,14 +123,16 @@ class Supervisor:
     Parameters
     ----------
     graph : of its processes, not yet started.
-    watch : its eyes.
-    start : what it begins once all run.
+    live : what its nodes report.
+    start : what it begins once all run, a step at a time: see `begin`.
     exchange : the line to the page.
     recordings : their folder.
     """
 
-    def __init__(self, graph: Graph, watch: LabWatch, start: LabStart, exchange: Exchange, recordings: Path) -> None:
-        self.graph, self.watch, self.start, self.exchange, self.recordings = graph, watch, start, exchange, recordings
+    def __init__(
+        self, graph: Graph, live: LiveGraph, start: Iterator[str], exchange: Exchange, recordings: Path
+    ) -> None:
+        self.graph, self.live, self.start, self.exchange, self.recordings = graph, live, start, exchange, recordings
         self._asked = 0.0  # when it was asked to stop, on the monotonic clock [s]
         self._dead: dict[str, str] = {}  # node → why
         self._published: dict[str, Any] = {}  # what the page knows
@@ -187,17 +190,19 @@ class Supervisor:
             say(f"{name} died, {self._dead[name]}")
             say(f"to start it again: {name} and Enter" if self._reader else f"{name} can be started again on the page")
         wanted = {one.executable for one in self._loop()}
-        if not self._ready and not self._dead and wanted <= self.watch.heard:
-            self._ready = bool(self.watch.stage)
+        if not self._ready and not self._dead and wanted <= {*self.live.reports}:
+            self._ready = bool(self.live.of_table("stage"))
             if self._ready:
                 say(f"running: {', '.join(one.called for one in self.graph.nodes)}")
-        all_there = {one.executable for one in self.graph.nodes if one.called not in self._dead} <= self.watch.heard
-        if self._ready and all_there and (text := self.start.go_on()):
+        all_there = {one.executable for one in self.graph.nodes if one.called not in self._dead} <= {*self.live.reports}
+        if self._ready and all_there and (text := next(self.start, "")):
             say(text)
-        while self.watch.trips:
-            say(f"interlock: {self.watch.trips.pop(0)}")
-        if self.watch.missing != self._missing:
-            self._missing = self.watch.missing
+        while self.live.trips:
+            say(f"interlock: {self.live.trips.pop(0)}")
+        message = self.live.table.message if self.live.table else ""
+        missing = message if message.startswith(NO_ANSWER) else ""
+        if missing != self._missing:
+            self._missing = missing
             say(f"hardware_bridge: {self._missing or 'the target answers'}")
         self._publish_state()
 
@@ -212,7 +217,7 @@ class Supervisor:
 
     def _serve(self) -> None:
         """What the page and the terminal ask for."""
-        self.watch.spin(POLL)
+        self.live.spin(POLL)
         for message in self.exchange.take():
             self._answer(message)
         if self._reader and select.select([self._reader], [], [], 0)[0]:
@@ -256,8 +261,8 @@ class Supervisor:
     def _stop_in_order(self, broken: float) -> bool:
         """Whether the table has said that its pressure is off; `broken`: timeout where a node has died [s]."""
         if self._dead:
-            return self.watch.stop_in_order(broken)
-        return self.watch.stop_in_order(STOPPING, self._say_slow if self.graph.lockstep else None)
+            return stop_in_order(self.live, broken)
+        return stop_in_order(self.live, STOPPING, self._say_slow if self.graph.lockstep else None)
 
     def _say_slow(self) -> None:
         say("the table is slow here, and so is its stop; Ctrl-C again ends it at once")

@@ -11,7 +11,7 @@ import pytest
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.ros.graph import Graph, NodeSpec
-from shake_ros.ros.live_table import LiveGraph
+from shake_ros.ros.graph_client import LiveGraph
 from shake_ros.ros.loop import ros_context
 from shake_ros.settings import load_table, load_variant
 
