@@ -10,7 +10,7 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from shake_ros.ros.conversions import codec, time_message
+from shake_ros.ros.conversions import codec
 from shake_ros.ros.interface import NAMESPACE, SERVICES, VALVE_COMMAND
 from shake_ros.ros.loop import make_executor, ros_context
 
@@ -56,7 +56,7 @@ class Driver:
 
     def send(self, u: float) -> None:
         """One command, stamped now."""
-        self.publisher.publish(self._commands.build(time_message(time.time_ns()), (u,)))
+        self.publisher.publish(self._commands.build(time.time_ns(), (u,)))
 
     def command(self, u: float) -> None:
         """Send a command every 5 ms from now on, until `hold`."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from builtin_interfaces.msg import Duration, Time
@@ -19,23 +18,7 @@ from sensor_msgs.msg import FluidPressure, Imu, JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from shake_ros.core.quantities import ShakeError
-from shake_ros.ros.interface import (
-    CLOCK,
-    ESTIMATE,
-    IMU,
-    JOINT_STATES,
-    PREDICTED_IMU,
-    PREDICTED_JOINT_STATES,
-    PRESSURE_A,
-    PRESSURE_B,
-    PRESSURE_SUPPLY,
-    REFERENCE,
-    TABLE_JOINT,
-    TRUTH,
-    VALVE_COMMAND,
-    VALVE_JOINT,
-    Topic,
-)
+from shake_ros.ros.interface import CLOCK, TABLE_JOINT, VALVE_COMMAND, VALVE_JOINT, Topic
 
 SECOND = 1_000_000_000
 ENCAPSULATION = b"\x00\x01\x00\x00"  # plain CDR, little endian
@@ -62,14 +45,8 @@ def _joint_index(names: list[str], joint: str, count: int) -> int:
     return index
 
 
-def _joint_state(joint: str) -> tuple[Callable[[Values, float], Any], Callable[[Any], Values]]:
-    def build(values: Values, _: float) -> JointState:
-        return JointState(name=[joint], position=list(values))
-
-    def read(message: JointState) -> Values:
-        return (message.position[_joint_index(message.name, joint, len(message.position))],)
-
-    return build, read
+def _read_joint(message: JointState, joint: str) -> Values:
+    return (message.position[_joint_index(message.name, joint, len(message.position))],)
 
 
 def _trajectory(values: Values, _: float) -> JointTrajectory:
@@ -101,10 +78,6 @@ def _read_imu(message: Imu) -> Values:
     if message.linear_acceleration_covariance[0] == NOT_MEASURED and felt == 0.0:
         raise ShakeError("no acceleration is measured (covariance −1)")
     return (felt,)
-
-
-def _pressure(values: Values, variance: float) -> FluidPressure:
-    return FluidPressure(fluid_pressure=values[0], variance=variance)
 
 
 # What stands in a message behind the stamp: struct codes with what they must hold to be read this way; NUMBER stands
@@ -142,25 +115,19 @@ class Codec:
     build : numbers and variance → message, without its header.
     read : message → numbers.
     parts : what stands behind the stamp.
-    size : how many numbers.
 
     Attributes
     ----------
+    size : how many numbers.
     variance : of the sensor's noise [unit²], where the message has a place for it; 0: unknown.
     lead : by which the motion of a trajectory's point is later than the stamp [ns]; of the last message that was read.
     """
 
     def __init__(
-        self,
-        topic: Topic,
-        build: Callable[[Values, float], Any],
-        read: Callable[[Any], Values],
-        parts: Parts,
-        size: int,
+        self, topic: Topic, build: Callable[[Values, float], Any], read: Callable[[Any], Values], parts: Parts
     ) -> None:
         self.topic = topic
-        self.read = read
-        self.size = size
+        self._read = read
         self.variance = 0.0
         self.lead = 0
         self._build = build
@@ -168,20 +135,21 @@ class Codec:
         self._struct = struct.Struct(_aligned(stamped))
         self._pattern: list[Any] = [ENCAPSULATION, *(value for _, value in stamped)]
         self._places = [place for place, value in enumerate(self._pattern) if value is NUMBER]
+        self.size = len(self._places)
         self._variances = [place for place, value in enumerate(self._pattern) if value is VARIANCE]
         self._lead_at = self._pattern.index(LEAD) if LEAD in self._pattern else 0
         self._template = [0.0 if value in (NUMBER, VARIANCE) else value for value in self._pattern]
         self.packed = self._agrees_with_middleware()
 
-    def build(self, stamp: Time, values: Values) -> Any:
-        """The message of a stamp and its numbers."""
+    def build(self, stamp: int, values: Values) -> Any:
+        """The message of a stamp [ns] and its numbers."""
         message = self._build(values, self.variance)
         if self._lead_at:
             message.points[0].time_from_start = Duration(sec=self.lead // SECOND, nanosec=self.lead % SECOND)
         if self.topic is CLOCK:
-            message.clock = stamp
+            message.clock = time_message(stamp)
         else:
-            message.header.stamp, message.header.frame_id = stamp, self.topic.frame
+            message.header.stamp, message.header.frame_id = time_message(stamp), self.topic.frame
         return message
 
     def _agrees_with_middleware(self) -> bool:
@@ -189,11 +157,11 @@ class Codec:
         values = tuple(1.5 + place for place in range(self.size))
         stamp = 3 * SECOND + 7
         try:
-            message = deserialize_message(self.pack(stamp, values), self.topic.type)
-            own = serialize_message(self.build(time_message(stamp), values))
+            built = self.build(stamp, values)
+            agrees = deserialize_message(self.pack(stamp, values), self.topic.type) == built
+            return bool(agrees) and self._unpack(serialize_message(built)) == (stamp, values)
         except Exception:  # any complaint of another middleware means: use message objects
             return False
-        return message == self.build(time_message(stamp), values) and self._unpack(own) == (stamp, values)
 
     def pack(self, stamp: int, values: Values) -> bytes:
         """Serialised message of a stamp [ns] and its numbers."""
@@ -209,9 +177,7 @@ class Codec:
 
     def encode(self, stamp: int, values: Values) -> Any:
         """What a publisher takes: bytes where the middleware agrees with them, else a message."""
-        if self.packed:
-            return self.pack(stamp, values)
-        return self.build(time_message(stamp), values)
+        return self.pack(stamp, values) if self.packed else self.build(stamp, values)
 
     def _unpack(self, data: bytes) -> tuple[int, Values] | None:
         """Stamp and numbers where `data` has this layout and its constants, else None."""
@@ -240,7 +206,7 @@ class Codec:
         message = deserialize_message(data, self.topic.type)
         stamp = message.clock if self.topic is CLOCK else message.header.stamp
         try:
-            values = self.read(message)
+            values = self._read(message)
         except ShakeError as error:
             raise type(error)(f"{self.topic.name}: {error}") from None
         if self._lead_at:
@@ -249,55 +215,39 @@ class Codec:
         return stamp.sec * SECOND + stamp.nanosec, values
 
 
-def _joint_codec(topic: Topic, joint: str) -> Codec:
-    build, read = _joint_state(joint)
-    parts = [*_text(topic.frame), ("I", 1), *_text(joint), ("I", 1), ("d", NUMBER), ("I", 0), ("I", 0)]
-    return Codec(topic, build, read, parts, 1)
-
-
-def _trajectory_codec(topic: Topic) -> Codec:
-    parts = [*_text(topic.frame), ("I", 1), *_text(TABLE_JOINT), ("I", 1)]
-    parts += [("I", 1), ("d", NUMBER)] * 3 + [("I", 0), ("i", LEAD), ("I", LEAD_REST)]
-    return Codec(topic, _trajectory, _read_trajectory, parts, 3)
-
-
-def _imu_codec(topic: Topic) -> Codec:
-    unmeasured = (NOT_MEASURED, *(0.0,) * 8)
-    numbers = (0.0, 0.0, 0.0, 1.0, *unmeasured, 0.0, 0.0, 0.0, *unmeasured, NUMBER, 0.0, 0.0, VARIANCE, *(0.0,) * 8)
-    parts = [*_text(topic.frame), *(("d", number) for number in numbers)]
-    return Codec(topic, _imu, _read_imu, parts, 1)
-
-
-def _pressure_codec(topic: Topic) -> Codec:
-    parts = [*_text(topic.frame), ("d", NUMBER), ("d", VARIANCE)]
-    return Codec(topic, _pressure, lambda m: (m.fluid_pressure,), parts, 1)
-
-
-def _clock_codec(topic: Topic) -> Codec:
-    return Codec(topic, lambda *_: Clock(), lambda _: (), [], 0)
-
-
-@dataclass(frozen=True)
-class _Family:
-    """Topics that share a way of packing."""
-
-    topics: tuple[Topic, ...]
-    make: Callable[[Topic], Codec]
-
-
-_FAMILIES = (
-    _Family((JOINT_STATES, PREDICTED_JOINT_STATES), lambda topic: _joint_codec(topic, TABLE_JOINT)),
-    _Family((VALVE_COMMAND,), lambda topic: _joint_codec(topic, VALVE_JOINT)),
-    _Family((REFERENCE, ESTIMATE, TRUTH), _trajectory_codec),
-    _Family((IMU, PREDICTED_IMU), _imu_codec),
-    _Family((PRESSURE_A, PRESSURE_B, PRESSURE_SUPPLY), _pressure_codec),
-    _Family((CLOCK,), _clock_codec),
+UNMEASURED = (NOT_MEASURED, *(0.0,) * 8)  # a covariance
+IMU_NUMBERS = (
+    *(0.0, 0.0, 0.0, 1.0, *UNMEASURED),  # orientation
+    *(0.0, 0.0, 0.0, *UNMEASURED),  # angular velocity
+    *(NUMBER, 0.0, 0.0, VARIANCE, *(0.0,) * 8),  # acceleration
 )
 
 
 def codec(topic: Topic) -> Codec:
     """The codec of a sampled topic or `/clock`."""
-    for family in _FAMILIES:
-        if topic in family.topics:
-            return family.make(topic)
+    parts = _text(topic.frame)
+    if topic.type is JointState:
+        joint = VALVE_JOINT if topic is VALVE_COMMAND else TABLE_JOINT
+        parts += [("I", 1), *_text(joint), ("I", 1), ("d", NUMBER), ("I", 0), ("I", 0)]
+        return Codec(
+            topic,
+            lambda values, _: JointState(name=[joint], position=list(values)),
+            lambda message: _read_joint(message, joint),
+            parts,
+        )
+    if topic.type is JointTrajectory:
+        parts += [("I", 1), *_text(TABLE_JOINT), ("I", 1)]
+        parts += [("I", 1), ("d", NUMBER)] * 3 + [("I", 0), ("i", LEAD), ("I", LEAD_REST)]
+        return Codec(topic, _trajectory, _read_trajectory, parts)
+    if topic.type is Imu:
+        return Codec(topic, _imu, _read_imu, [*parts, *(("d", number) for number in IMU_NUMBERS)])
+    if topic.type is FluidPressure:
+        return Codec(
+            topic,
+            lambda values, variance: FluidPressure(fluid_pressure=values[0], variance=variance),
+            lambda message: (message.fluid_pressure,),
+            [*parts, ("d", NUMBER), ("d", VARIANCE)],
+        )
+    if topic.type is Clock:
+        return Codec(topic, lambda *_: Clock(), lambda _: (), [])
     raise ShakeError(f"{topic.name} is not a sampled topic")

@@ -25,42 +25,17 @@ GROUND, TABLE = "ground", "table"
 TABLE_JOINT = "table"
 VALVE_JOINT = "servo_valve"
 
+# Profiles of rclpy are reliable, volatile and keep the last messages, but for what stands here.
 # Lock-step: nothing may be lost, whatever the order of discovery and the speed of the machine. Both sides keep
 # everything, so a slow reader holds the writer back; transient local serves the reader that is matched late.
-LOCKSTEP_QOS = QoSProfile(
-    history=HistoryPolicy.KEEP_ALL,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-)
+LOCKSTEP_QOS = QoSProfile(history=HistoryPolicy.KEEP_ALL, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 # Real time: no reader may hold a writer back. A reader that falls more than a second behind loses samples,
 # which shows as a gap in the stamps.
-REALTIME_QOS = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=1000,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-)
+REALTIME_QOS = QoSProfile(depth=1000)
 # A recorder or player in real time takes everything that a writer still has.
-REALTIME_RECORDER_QOS = QoSProfile(
-    history=HistoryPolicy.KEEP_ALL,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-)
-EVENT_QOS = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=10,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-)
-
-
-# whoever writes /clock, reliably or not
-CLOCK_QOS = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=10,
-    reliability=ReliabilityPolicy.BEST_EFFORT,
-    durability=DurabilityPolicy.VOLATILE,
-)
+REALTIME_RECORDER_QOS = QoSProfile(history=HistoryPolicy.KEEP_ALL)
+EVENT_QOS = QoSProfile(depth=10)
+CLOCK_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)  # whoever writes it, reliably or not
 LOSSLESS = LOCKSTEP_QOS.history, LOCKSTEP_QOS.reliability
 
 
@@ -168,7 +143,7 @@ def interface_class(name: str) -> Any:
 
 def matching(offered: list[QoSProfile]) -> QoSProfile:
     """A profile that every writer of a topic can serve."""
-    profile = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.VOLATILE)
+    profile = copied(REALTIME_QOS)
     if any(one.reliability != ReliabilityPolicy.RELIABLE for one in offered):
         profile.reliability = ReliabilityPolicy.BEST_EFFORT
     if all(one.durability == DurabilityPolicy.TRANSIENT_LOCAL for one in offered):

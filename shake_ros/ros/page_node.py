@@ -13,7 +13,7 @@ from typing import Any
 
 from rclpy.context import Context
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity
 from shake_ros.data.recordings.cdr import columns
@@ -33,12 +33,7 @@ from shake_ros.settings import load_table
 
 # Keeps the newest: in real time no writer ever waits for it. In lock-step, where all waits for all, a page whose
 # process stands still holds the loop up until it is forgotten (3 s), and costs no sample.
-TAP_QOS = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=2000,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-)
+TAP_QOS = QoSProfile(depth=2000)
 
 
 class SampleTap:

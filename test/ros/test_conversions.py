@@ -32,7 +32,7 @@ def test_packed_bytes_are_the_message(topic) -> None:
     packer = codec(topic)
     values = NUMBERS[: packer.size]
     message = deserialize_message(packer.pack(STAMP, values), topic.type)
-    assert message == packer.build(time_message(STAMP), values)
+    assert message == packer.build(STAMP, values)
     assert packer.packed, "the middleware reads another form; the slow path is in use"
 
 
@@ -40,7 +40,7 @@ def test_packed_bytes_are_the_message(topic) -> None:
 def test_message_of_the_middleware_is_unpacked(topic) -> None:
     packer = codec(topic)
     values = NUMBERS[: packer.size]
-    data = serialize_message(packer.build(time_message(STAMP), values))
+    data = serialize_message(packer.build(STAMP, values))
     assert packer.decode(data) == (STAMP, values)
 
 
@@ -103,12 +103,12 @@ def test_variance_of_the_noise_is_told_and_does_not_keep_a_reader_from_the_numbe
     message = deserialize_message(data, topic.type)
     told = message.linear_acceleration_covariance[0] if topic is IMU else message.variance
     assert told == 0.0025
-    assert message == writer.build(time_message(STAMP), (1.5,))
+    assert message == writer.build(STAMP, (1.5,))
     assert reader._unpack(data) == (STAMP, (1.5,))
 
 
 def test_recording_of_earlier_days_without_frames_is_read_as_well() -> None:
-    message = codec(IMU).build(time_message(STAMP), (2.5,))
+    message = codec(IMU).build(STAMP, (2.5,))
     message.header.frame_id = ""
     assert codec(IMU).decode(serialize_message(message)) == (STAMP, (2.5,))
 
@@ -119,7 +119,7 @@ def test_lead_of_an_estimate_is_its_time_from_start_and_is_read_by_either_path()
     data = writer.pack(STAMP, NUMBERS)
     message = deserialize_message(data, ESTIMATE.type)
     assert (message.points[0].time_from_start.sec, message.points[0].time_from_start.nanosec) == (2, 3_400_000)
-    assert message == writer.build(time_message(STAMP), NUMBERS)
+    assert message == writer.build(STAMP, NUMBERS)
     assert reader._unpack(data) == (STAMP, NUMBERS) and reader.lead == 2_003_400_000
     reader.lead, reader.packed = 0, False
     assert reader.decode(data) == (STAMP, NUMBERS) and reader.lead == 2_003_400_000
