@@ -84,24 +84,26 @@ def record_run(
     work : folder of the bag and of what the run needs.
     model : a name of config/table, or the path of a file.
     """
-    from shake_ros.ros.graph import Experiment, record
+    from shake_ros.ros.graph import record
 
     carried = str(model.resolve()) if isinstance(model, Path) else model  # a relative one would lie beside these files
     role = "excitation" if name == "excitation" else "earthquake"
     paths = {}
     for kind in ("observer", "controller"):
         content = {**read_yaml(find(kind, settings[kind])), "model": carried}
-        paths[kind] = work / f"{kind}_{name}.yaml"
-        paths[kind].write_text(yaml.safe_dump(content), encoding="utf-8")
-    experiment = Experiment(
-        str(work / "hidden_table.yaml"),
-        settings[role],
-        str(paths["observer"]),
-        str(paths["controller"]),
+        path = work / f"{kind}_{name}.yaml"
+        path.write_text(yaml.safe_dump(content), encoding="utf-8")
+        paths[kind] = str(path)
+    record(
+        work / name,
+        table=str(work / "hidden_table.yaml"),
+        reference=settings[role],
+        observer=paths["observer"],
+        controller=paths["controller"],
         seed=len(RUNS) * hidden.seed + RUNS.index(name),
         duration=DURATION[role],
+        progress=lambda part: bar(f"{name} over DDS", part),
     )
-    record(experiment, work / name, lambda part: bar(f"{name} over DDS", part))
     return work / name
 
 

@@ -6,7 +6,7 @@ A node says at its end what its timing was over a whole run in real time: jitter
 from __future__ import annotations
 
 import time
-from array import array
+from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -19,7 +19,7 @@ from shake_ros.realtime import Durations
 LEVELS = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
 OK, WARN, ERROR = range(3)
 NO_ANSWER = "no answer from the target"  # begins what a bridge says while its target computer is silent
-WINDOW = 8192  # latencies kept between two reports; more are thinned by overwriting the oldest
+WINDOW = 8192  # latencies kept between two reports, the newest
 STALE = 1.0  # an input silent for longer than one report [s] is named
 MICROSECOND = 1e-3  # of a nanosecond count
 
@@ -98,8 +98,7 @@ class Diagnostics:
         self.missed = 0
         self.latest = 0
         self.whole_run = WholeRun(period)
-        self.latencies = array("q", bytes(8 * WINDOW))
-        self._latency_count = 0
+        self.latencies: deque[int] = deque(maxlen=WINDOW)
         self._faults: dict[str, str] = {}
         self._name = name
         self._lockstep = lockstep
@@ -116,14 +115,12 @@ class Diagnostics:
 
     def latency(self, nanoseconds: int) -> None:
         """Note one latency [ns]."""
-        self.latencies[self._latency_count % WINDOW] = nanoseconds
-        self._latency_count += 1
+        self.latencies.append(nanoseconds)
         self.whole_run.latency(nanoseconds)
 
     def lateness(self, nanoseconds: int) -> None:
         """Note how late a tick came [ns]; the worst since the last report is shown."""
-        if nanoseconds > self.latest:
-            self.latest = nanoseconds
+        self.latest = max(self.latest, nanoseconds)
 
     def fault(self, kind: str, text: str) -> None:
         """An error that stays on /diagnostics until `clear`; logged the first time."""
@@ -137,10 +134,10 @@ class Diagnostics:
 
     def percentiles(self) -> dict[str, float]:
         """Latency percentiles since the last report [µs]."""
-        count = min(self._latency_count, WINDOW)
-        if count == 0:
+        if not self.latencies:
             return {}
-        ordered = sorted(self.latencies[:count])
+        ordered = sorted(self.latencies)
+        count = len(ordered)
         picks = {"p50": count // 2, "p99": min(count - 1, count * 99 // 100), "max": count - 1}
         return {f"latency_{name}_us": ordered[place] * MICROSECOND for name, place in picks.items()}
 
@@ -167,29 +164,27 @@ class Diagnostics:
         }
         values |= {name: f"{value:.1f}" for name, value in self.percentiles().items()}
         for item in self.inputs.values():
-            values[f"{item.name}.received"] = item.received
-            values[f"{item.name}.lost"] = item.lost
-            values[f"{item.name}.doubled"] = item.doubled
-            values[f"{item.name}.refused"] = item.refused
-            values[f"{item.name}.others"] = item.others
+            for count in ("received", "lost", "doubled", "refused", "others"):
+                values[f"{item.name}.{count}"] = getattr(item, count)
             values[f"{item.name}.age_s"] = f"{item.age():.3f}"
         values |= {name: read() for name, read in self.values.items()}
         for group in self.groups:
             values |= group()
-        self._latency_count = self.latest = 0
+        self.latencies.clear()
+        self.latest = 0
         level, text = self._level()
         return status_of(f"{self._hardware}: {self._name}", self._hardware, level, text, values)
 
     def event(self, part: str, level: int, text: str, values: dict[str, object]) -> None:
         """Publish something that has just happened, beside the report of every second, so that a recording has it."""
-        status = status_of(f"{self._hardware}: {part}", self._hardware, level, text, values)
-        message = DiagnosticArray(status=[status])
-        message.header.stamp = self._node.get_clock().now().to_msg()
-        self._publisher.publish(message)
+        self._send(status_of(f"{self._hardware}: {part}", self._hardware, level, text, values))
 
     def publish(self) -> None:
         """Publish the status, stamped with the wall clock."""
-        message = DiagnosticArray(status=[self.status()])
+        self._send(self.status())
+
+    def _send(self, status: DiagnosticStatus) -> None:
+        message = DiagnosticArray(status=[status])
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(message)
 

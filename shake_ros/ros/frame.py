@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -172,13 +172,19 @@ class Reader:
     def take(self) -> int:
         """Take all that has come, without waiting; returns when the newest arrived [ns, wall clock], 0 if nothing."""
         arrived = 0
-        handle: Any = self.subscription.handle
-        with handle:
-            while (taken := handle.take_message(self._topic.type, True)) is not None:
-                data, info = taken
-                arrived = info["received_timestamp"]
-                self._arrived(data)
+        for data, at in taken(self.subscription):
+            arrived = at
+            self._arrived(data)
         return arrived
+
+
+def taken(subscription: Any) -> Iterator[tuple[bytes, int]]:
+    """All that has come to a subscription and was not yet served, with the time of arrival [ns, wall clock]."""
+    handle = subscription.handle
+    with handle:
+        while (one := handle.take_message(subscription.msg_type, True)) is not None:
+            data, info = one
+            yield data, info["received_timestamp"]
 
 
 P = TypeVar("P", bound=Parameters)

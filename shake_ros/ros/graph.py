@@ -21,7 +21,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -31,7 +31,7 @@ from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.entry_points import NODES
 from shake_ros.ros.graph_client import LiveGraph
 from shake_ros.ros.interface import NAMESPACE, REFERENCE, TOPICS
-from shake_ros.ros.loop import TAKEN_DOWN, NodeLoop, build_node, ros_context, stopped_by_signals
+from shake_ros.ros.loop import TAKEN_DOWN, NodeLoop, build_node, obey_signals, ros_context
 
 PR_SET_PDEATHSIG = 1
 POLL = 0.02  # [s]
@@ -323,19 +323,20 @@ def run_composed(
 ) -> None:
     """Run all nodes in this thread until the plant stops; the same result as separate processes in lock-step.
 
-    With `until_signal` SIGINT and SIGTERM end it as orderly (in the main thread only).
+    With `until_signal` SIGINT and SIGTERM end it as orderly, and the process is this graph's alone.
     """
     graph = Graph(nodes, namespace=namespace, domain_id=domain_id, lockstep=lockstep)
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     with ros_context([], domain_id=domain_id) as context:
         loop = NodeLoop(context)
+        if until_signal:
+            obey_signals(loop)
         try:
-            with stopped_by_signals(loop) if until_signal else nullcontext():
-                for node in sorted(graph.nodes, key=lambda one: one.executable in LAST):
-                    build = importlib.import_module(NODES[node.executable].module).build
-                    arguments = node.arguments(namespace, graph.extra(node))
-                    loop.add(build_node(build, node.executable, context, arguments))
-                loop.run()
+            for node in sorted(graph.nodes, key=lambda one: one.executable in LAST):
+                build = importlib.import_module(NODES[node.executable].module).build
+                arguments = node.arguments(namespace, graph.extra(node))
+                loop.add(build_node(build, node.executable, context, arguments))
+            loop.run()
         finally:
             loop.close(TAKEN_DOWN if until_signal else math.inf)
 
@@ -358,25 +359,9 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
-
-
 CHECKED_EVERY = 0.1  # [s]
 SLOWEST = 50.0  # steps/s below which a run counts as stuck
 STARTING = 300.0  # time that five processes may take to start, compiling on a slow and busy machine [s]
-
-
-@dataclass(frozen=True)
-class Experiment:
-    """What runs: configurations by name or path, and the seed of the sensor noise."""
-
-    table: str
-    reference: str
-    observer: str
-    controller: str
-    seed: int
-    duration: float
 
 
 def free_domain() -> int:
@@ -385,16 +370,25 @@ def free_domain() -> int:
     return int(given) if given else 1 + os.getpid() % 100
 
 
-def record(experiment: Experiment, bag: Path, progress: Callable[[float], None] = lambda _: None) -> float:
-    """Run an experiment as separate processes and record everything to a bag.
+def record(
+    bag: Path,
+    *,
+    table: str,
+    reference: str,
+    observer: str,
+    controller: str,
+    seed: int,
+    duration: float,
+    progress: Callable[[float], None],
+) -> None:
+    """Run the closed loop as separate processes and record everything to a bag.
 
     Parameters
     ----------
+    table, reference, observer, controller : configurations by name or path.
+    seed : of the sensor noise.
+    duration : of the run [s].
     progress : called with the part done, 0 … 1, estimated from the clock at the usual rate.
-
-    Returns
-    -------
-    Wall time of the run with start and stop [s].
 
     Raises
     ------
@@ -402,13 +396,13 @@ def record(experiment: Experiment, bag: Path, progress: Callable[[float], None] 
     """
     nodes = [
         NodeSpec("recorder", {"output": str(bag)}),
-        NodeSpec("controller", {"controller": experiment.controller}),
-        NodeSpec("reference_generator", {"reference": experiment.reference}),
-        NodeSpec("plant", {"table": experiment.table, "seed": experiment.seed, "duration": experiment.duration}),
-        NodeSpec("observer", {"observer": experiment.observer}),
+        NodeSpec("controller", {"controller": controller}),
+        NodeSpec("reference_generator", {"reference": reference}),
+        NodeSpec("plant", {"table": table, "seed": seed, "duration": duration}),
+        NodeSpec("observer", {"observer": observer}),
     ]
     started = time.monotonic()
-    usual, limit = 3.0 + experiment.duration, STARTING + experiment.duration * 1000.0 / SLOWEST
+    usual, limit = 3.0 + duration, STARTING + duration * 1000.0 / SLOWEST
     with Graph(nodes, domain_id=free_domain()) as graph:
         while graph.processes["plant"].poll() is None:
             graph.check()
@@ -418,4 +412,7 @@ def record(experiment: Experiment, bag: Path, progress: Callable[[float], None] 
             progress(min(elapsed / usual, 0.97))
             time.sleep(CHECKED_EVERY)
         graph.check(ended=("plant",))
-    return time.monotonic() - started
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

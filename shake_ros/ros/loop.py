@@ -45,7 +45,7 @@ from shake_ros import realtime
 from shake_ros.core.quantities import ShakeError
 from shake_ros.ros.diagnostics import OK, WARN
 from shake_ros.ros.frame import DELIVERY, Behaviour, Frame
-from shake_ros.ros.parameters import ParameterFiles
+from shake_ros.ros.parameters import read_parameter_files
 from shake_ros.settings import config_folder
 
 CLOCK_MONOTONIC = 1
@@ -253,6 +253,7 @@ class NodeLoop:
 
     def close(self, timeout: float = math.inf) -> None:
         """Let every node finish, then take it down; the process ends where that takes longer than `timeout` [s]."""
+        self.running = True  # a signal no longer ends the process at once
         failed = int(sys.exc_info()[0] is not None)
         with ExitStack() as watched:
             for behaviour in self.behaviours:
@@ -274,11 +275,11 @@ class NodeLoop:
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
-def obey_signals(loop: NodeLoop) -> dict[int, Any]:
+def obey_signals(loop: NodeLoop) -> None:
     """SIGINT and SIGTERM end the loop between two callbacks, and a node that is still being built at once.
 
     One Ctrl-C may come several times, from the terminal and from a launcher: what follows within SIGNAL_REPEAT is the
-    same wish. Who asks again later, since a node hangs, ends the process there and then. Returns the handlers before.
+    same wish. Who asks again later, since a node hangs, ends the process there and then.
     """
     first = 0.0
 
@@ -293,18 +294,8 @@ def obey_signals(loop: NodeLoop) -> dict[int, Any]:
         if not loop.running:  # nothing moves yet, and a compiler does not survive what is thrown into it
             os._exit(0)
 
-    return {number: signal.signal(number, handle) for number in SIGNALS}
-
-
-@contextmanager
-def stopped_by_signals(loop: NodeLoop) -> Iterator[None]:
-    """`obey_signals` in a `with` block."""
-    previous = obey_signals(loop)
-    try:
-        yield
-    finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)
+    for number in SIGNALS:
+        signal.signal(number, handle)
 
 
 def _wrong_arguments(arguments: Sequence[str], error: RuntimeError) -> ShakeError:
@@ -352,8 +343,8 @@ def build_node(
     Its ROS arguments are `arguments`, or where that is None those of the process, to be given too.
     """
     frame = Frame(name, context, arguments)
-    files = ParameterFiles(frame.node.get_fully_qualified_name(), arguments or process_arguments)
-    for line in files.warnings:
+    shared, warnings = read_parameter_files(frame.node.get_fully_qualified_name(), arguments or process_arguments)
+    for line in warnings:
         frame.say(WARN, line)
     slow = "compiling, as at every first start; this may take a minute"
     compiling = threading.Timer(SLOW_START, lambda: frame.say(OK, f"{frame.start_line}; {slow}"))
@@ -361,7 +352,7 @@ def build_node(
     compiling.start()
     try:
         behaviour = build(frame)
-        frame.parameters.check_overrides(files.shared)
+        frame.parameters.check_overrides(shared)
     except BaseException as error:
         frame.node.destroy_node()  # while its context lives: what the interpreter takes down last may crash
         if isinstance(error, InvalidQosOverridesError):
@@ -388,7 +379,6 @@ def main(build: Build, name: str, arguments: Sequence[str]) -> int:
             loop.add(build_node(build, name, context, process_arguments=arguments))
             loop.run()
         finally:
-            loop.running = True
             loop.close(TAKEN_DOWN)
             for number in SIGNALS:  # a late one must not disturb what is taken down from here on
                 signal.signal(number, signal.SIG_IGN)

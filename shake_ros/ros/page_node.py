@@ -9,7 +9,6 @@ from __future__ import annotations
 import threading
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from rclpy.context import Context
 from rclpy.node import Node
@@ -26,7 +25,7 @@ from shake_ros.page.samples import Prediction, SampleStore
 from shake_ros.page.server import Server, Site
 from shake_ros.ros.conversions import time_message
 from shake_ros.ros.diagnostics import OK
-from shake_ros.ros.frame import Behaviour, Frame
+from shake_ros.ros.frame import Behaviour, Frame, taken
 from shake_ros.ros.interface import OPERATOR, TOPICS
 from shake_ros.ros.page_desk import PageDesk
 from shake_ros.settings import load_table
@@ -58,12 +57,7 @@ class SampleTap:
     def take(self) -> None:
         """Take all that has come."""
         for name, reader in self._readers:
-            messages = []
-            handle: Any = reader.handle
-            with handle:
-                while (taken := handle.take_message(reader.msg_type, True)) is not None:
-                    messages.append(taken[0])
-            if messages:
+            if messages := [data for data, _ in taken(reader)]:
                 signal = SIGNALS[name.removeprefix("predicted_")]
                 stamps, values, sources = columns(messages, signal.type, signal.choose, len(signal.paths))
                 own = sources >= 0  # messages of other joints on a shared topic are not the table's

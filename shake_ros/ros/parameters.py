@@ -6,7 +6,7 @@ it is refused with the reason, or waits until the node takes it at its next samp
 
 `LiveLaw` is a law that a node runs by name, with its parameters beside it: both may change between two samples.
 
-`ParameterFiles` reads parameter files as rcl does: which nodes their sections address, and the message for a node.
+`read_parameter_files` reads them as rcl does: which nodes their sections address.
 """
 
 from __future__ import annotations
@@ -283,30 +283,21 @@ def sections(content: Any, path: str = "") -> Iterator[tuple[str, Any]]:
             yield from sections(inner, f"{path}/{name}" if path else str(name))
 
 
-class ParameterFiles:
-    """The parameter files that a node is started with.
+def read_parameter_files(node: str, arguments: Sequence[str]) -> tuple[set[str], list[str]]:
+    """Of the files that the node of this full name is started with: what they give to several nodes, and warnings.
 
-    Parameters
-    ----------
-    node : its full name.
-    arguments : ROS arguments.
-
-    Attributes
-    ----------
-    shared : parameters that a file gives to several nodes at once.
-    warnings : a line for each section that names this node without its namespace, and so another node.
+    A warning is for a section that names this node without its namespace, and so another node.
     """
-
-    def __init__(self, node: str, arguments: Sequence[str]) -> None:
-        self.shared: set[str] = set()
-        self.warnings: list[str] = []
-        for option, file in zip(arguments, arguments[1:], strict=False):
-            for name, parameters in sections(read_yaml(Path(file))) if option == OPTION else ():
-                full = f"/{name.lstrip('/')}"
-                if "*" in name:
-                    self.shared.update(_leaves(parameters))
-                elif full != node and full.rsplit("/", 1)[-1] == node.rsplit("/", 1)[-1]:
-                    self.warnings.append(f"{file}: '{name}:' is {full}; for this node write '{node}:'")
+    shared: set[str] = set()
+    warnings = []
+    for option, file in zip(arguments, arguments[1:], strict=False):
+        for name, parameters in sections(read_yaml(Path(file))) if option == OPTION else ():
+            full = f"/{name.lstrip('/')}"
+            if "*" in name:
+                shared.update(_leaves(parameters))
+            elif full != node and full.rsplit("/", 1)[-1] == node.rsplit("/", 1)[-1]:
+                warnings.append(f"{file}: '{name}:' is {full}; for this node write '{node}:'")
+    return shared, warnings
 
 
 T = TypeVar("T")

@@ -24,7 +24,7 @@ from shake_ros.data.recordings import BagWriter, recover
 from shake_ros.ros import interface, loop
 from shake_ros.ros.conversions import SECOND
 from shake_ros.ros.diagnostics import OK, Input
-from shake_ros.ros.frame import FIRST_STAMP, Behaviour, Frame
+from shake_ros.ros.frame import FIRST_STAMP, Behaviour, Frame, taken
 from shake_ros.ros.interface import Topic, interface_class, matching
 
 STAMP = struct.Struct("<iI")
@@ -100,10 +100,8 @@ class Reception:
 
     def take(self) -> None:
         """Take what has arrived but was not yet served."""
-        handle: Any = self._subscription.handle
-        with handle:
-            while (taken := handle.take_message(self._subscription.msg_type, True)) is not None:
-                self.arrived(taken[0])
+        for data, _ in taken(self._subscription):
+            self.arrived(data)
 
 
 def profile_of(profile: QoSProfile) -> dict[str, Any]:
