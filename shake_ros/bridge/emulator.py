@@ -14,6 +14,7 @@ The command `target_emulator` runs it in a process without ROS, for the node `ha
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import math
 import re
@@ -321,7 +322,7 @@ def parser() -> argparse.ArgumentParser:
     made = argparse.ArgumentParser(prog="target_emulator", description=about)
     made.add_argument("--address", help="to listen on")
     made.add_argument("--port", type=int, help="UDP port, 0 for a free one")
-    made.add_argument("--key", metavar="FILE", help="shared key; without it loopback addresses only")
+    made.add_argument("--key", metavar="FILE", dest="key_file", help="shared key; without it loopback addresses only")
     made.add_argument("--make-key", type=Path, metavar="FILE", help="write a new key and end")
     made.add_argument("--test-vector", action="store_true", help="print worked datagrams and end")
     made.add_argument("--table", help="configuration in config/table, or a YAML file")
@@ -348,14 +349,7 @@ def settings(given: argparse.Namespace) -> tuple[EmulatorParameters, PowerUnitPa
     """The configuration with what the command line changes."""
     content: dict[str, Any] = dict(read_yaml(find("emulator", "default")))
     unit = PowerUnitParameters.from_mapping(content.pop("power_unit", {}), f"{WHERE}: power_unit")
-    changes = {
-        "address": given.address,
-        "port": given.port,
-        "key_file": given.key,
-        "table": given.table,
-        "interlock": given.interlock,
-        "seed": given.seed,
-    }
+    changes = {field.name: getattr(given, field.name, None) for field in dataclasses.fields(EmulatorParameters)}
     content |= {name: value for name, value in changes.items() if value is not None}
     return EmulatorParameters.from_mapping(content, WHERE), unit
 

@@ -15,7 +15,7 @@ from collections import Counter, OrderedDict
 from collections.abc import Callable
 
 from shake_ros.bridge import wire
-from shake_ros.bridge.wire import Session, new_counts, numeric, session_key
+from shake_ros.bridge.wire import Session, numeric, session_key
 from shake_ros.core.quantities import ShakeError
 
 HELLO_PERIOD = 0.1  # [s] between two hellos
@@ -74,7 +74,7 @@ class Host:
         self.target = (numeric(address), port)
         self.key = key
         self.session: Session | None = None
-        self.rejected: Counter[str] = new_counts()
+        self.rejected: Counter[str] = Counter()  # by reason
         self.received = 0
         self.lost = 0
         self.late = 0
@@ -184,7 +184,7 @@ class TargetLink:
         self.key = key
         self.session: Session | None = None
         self.peer: tuple[str, int] = ("", 0)
-        self.rejected: Counter[str] = new_counts()
+        self.rejected: Counter[str] = Counter()  # by reason
         self.received = 0
         self.sessions = 0
         self._offered: OrderedDict[int, tuple[Session, bytes, bytes]] = OrderedDict()

@@ -19,7 +19,6 @@ import secrets
 import socket
 import stat
 import struct
-from collections import Counter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -279,11 +278,6 @@ class Session:
         """Sequence of the next datagram to send, from 1 on."""
         self.sent += 1
         return self.sent
-
-
-def new_counts() -> Counter[str]:
-    """Rejected datagrams by reason."""
-    return Counter(dict.fromkeys(REASONS, 0))
 
 
 # worked datagrams: fixed keys, nonces and values, for whoever writes the other side

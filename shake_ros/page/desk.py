@@ -55,10 +55,6 @@ class Line:
         self._rest = b""
         self.open = True
 
-    def fileno(self) -> int:
-        """For select."""
-        return self.end.fileno()
-
     def send(self, message: dict[str, Any]) -> None:
         """One message; where the other end is gone, nothing."""
         try:

@@ -114,22 +114,8 @@ class Library:
 LARGEST = 8 * 1024 * 1024  # bytes of an accelerogram
 TEMPLATE = "earthquake"  # the reference whose band and limits it gets
 TABLES = (".txt", ".csv", ".dat", ".tsv", ".lvm", ".asc", ".ascii", ".xlsx", ".tdms", ".mat")
-SUFFIXES: tuple[str, ...] = (
-    ".at2",
-    ".v1",
-    ".v1a",
-    ".v2",
-    ".v2a",
-    ".v1c",
-    ".v2c",
-    ".raw",
-    ".smc",
-    ".acc",
-    ".ns",
-    ".ew",
-    ".ud",
-)
-SUFFIXES += tuple(f"{end}{place}" for end in (".ns", ".ew", ".ud") for place in (1, 2)) + TABLES
+COMPONENTS = tuple(f"{end}{place}" for end in (".ns", ".ew", ".ud") for place in ("", 1, 2))
+SUFFIXES = (".at2", ".v1", ".v1a", ".v2", ".v2a", ".v1c", ".v2c", ".raw", ".smc", ".acc", *COMPONENTS, *TABLES)
 
 
 def make_reference(

@@ -115,25 +115,24 @@ class LiveCurve:
     name: str
     topic: str
     column: int
-    unit: str
 
 
 CURVES = (
-    LiveCurve("reference_position", "reference", 0, "m"),
-    LiveCurve("position", "joint_states", 0, "m"),
-    LiveCurve("tracking_error", "", 0, "m"),
-    LiveCurve("reference_velocity", "reference", 1, "m/s"),
-    LiveCurve("estimated_velocity", "estimate", 1, "m/s"),
-    LiveCurve("predicted_velocity", "", 0, "m/s"),
-    LiveCurve("reference_acceleration", "reference", 2, "m/s^2"),
-    LiveCurve("acceleration", "imu", 0, "m/s^2"),
-    LiveCurve("estimated_acceleration", "estimate", 2, "m/s^2"),
-    LiveCurve("predicted_acceleration", "", 0, "m/s^2"),
-    LiveCurve("valve_command", "valve_command", 0, "-"),
-    LiveCurve("pressure_a", "pressure_a", 0, "Pa"),
-    LiveCurve("pressure_b", "pressure_b", 0, "Pa"),
-    LiveCurve("pressure_supply", "pressure_supply", 0, "Pa"),
-    LiveCurve("twin_acceleration", "predicted_imu", 0, "m/s^2"),
+    LiveCurve("reference_position", "reference", 0),
+    LiveCurve("position", "joint_states", 0),
+    LiveCurve("tracking_error", "", 0),
+    LiveCurve("reference_velocity", "reference", 1),
+    LiveCurve("estimated_velocity", "estimate", 1),
+    LiveCurve("predicted_velocity", "", 0),
+    LiveCurve("reference_acceleration", "reference", 2),
+    LiveCurve("acceleration", "imu", 0),
+    LiveCurve("estimated_acceleration", "estimate", 2),
+    LiveCurve("predicted_acceleration", "", 0),
+    LiveCurve("valve_command", "valve_command", 0),
+    LiveCurve("pressure_a", "pressure_a", 0),
+    LiveCurve("pressure_b", "pressure_b", 0),
+    LiveCurve("pressure_supply", "pressure_supply", 0),
+    LiveCurve("twin_acceleration", "predicted_imu", 0),
 )
 LATER = ("predicted_imu",)  # topics that are not waited for: they come when all else of their samples is settled
 ROW = {curve.name: row for row, curve in enumerate(CURVES)}

@@ -7,13 +7,11 @@ nothing and nobody up; when it reads again it goes on with the newest samples.
 from __future__ import annotations
 
 import asyncio
-import functools
 import json
 import socket
 import ssl
 import threading
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -39,6 +37,7 @@ FRAME = 1.0 / 30.0  # [s]
 STATUS = 0.2  # [s]
 TIMEOUT = 20.0  # for an answer of the graph [s]
 COMPILING = 120.0  # for one that another table is built for: it may have to be compiled [s]
+RECORDING = 30.0  # for a recording that begins or ends [s]
 RATE, BURST = 60.0, 200  # messages of one page
 FREE = ("stop", "here", "view", "between")  # need no seat; `stop` needs an operator's token all the same
 LONGEST_NOTE = 2000
@@ -57,15 +56,10 @@ class LivePage:
         self._epoch, self._later = -1, 0
         self._sending = asyncio.Lock()
 
-    async def send(self, message: dict[str, Any]) -> None:
-        """A text message."""
+    async def send(self, data: str | bytes) -> None:
+        """A message, or a frame."""
         async with self._sending:
-            await self.socket.send_text(json.dumps(message))
-
-    async def send_bytes(self, data: bytes) -> None:
-        """A frame."""
-        async with self._sending:
-            await self.socket.send_bytes(data)
+            await (self.socket.send_text(data) if isinstance(data, str) else self.socket.send_bytes(data))
 
     async def frames(self) -> None:
         """The newest buckets, again and again; the pace is kept, however long a frame takes."""
@@ -81,7 +75,7 @@ class LivePage:
                 self._epoch, self.first = store.epoch, 0
             data, self.first = store.frame(self.level, self.first, self.window)
             if data:
-                await self.send_bytes(data)
+                await self.send(data)
 
     async def states(self) -> None:
         """What else changes."""
@@ -96,16 +90,9 @@ class LivePage:
                 mine = True
             jobs = [job.status() for job in server.site.jobs.all[-5:]]
             role = "operator" if mine else "waiting" if self.operator else "spectator"
-            now = {
-                "type": "status",
-                "role": role,
-                "taken": seat.holder is not None,
-                "pages": server.pages,
-                "jobs": jobs,
-            }
-            text = f"{json.dumps(now)[:-1]}, {server.status()[1:]}"
-            async with self._sending:
-                await self.socket.send_text(text)
+            taken = seat.holder is not None
+            now = {"type": "status", "role": role, "taken": taken, "pages": server.pages, "jobs": jobs}
+            await self.send(f"{json.dumps(now)[:-1]}, {server.status()[1:]}")
             await asyncio.sleep(STATUS)
 
     async def listen(self) -> None:
@@ -157,7 +144,8 @@ class LivePage:
         except asyncio.TimeoutError:
             done, text = False, f"{what}: no answer from the graph in time"
         if self.socket.application_state is WebSocketState.CONNECTED:
-            await self.send({"type": "answer", "id": message.get("id"), "ok": done, "text": text, "do": what})
+            answer = {"type": "answer", "id": message.get("id"), "ok": done, "text": text, "do": what}
+            await self.send(json.dumps(answer))
 
     async def do(self, what: str, message: dict[str, Any]) -> Answer:
         """One request; ShakeError with the reason where it is refused."""
@@ -165,7 +153,7 @@ class LivePage:
         if what == "between":
             level = min(max(int(message["level"]), 0), LEVELS - 1)
             data = server.site.store.between(level, float(message["start"]), float(message["stop"]))
-            await self.send_bytes(b"zoom" + data)
+            await self.send(b"zoom" + data)
             return Answer(True, "")
         if not self.operator:
             raise ShakeError("spectators can watch, not change anything")
@@ -176,14 +164,12 @@ class LivePage:
             raise ShakeError("another page has the controls: take them first")
         if what == "stop" or what in GRAPH:
             how = {name: value for name, value in message.items() if name not in ("do", "id")}
-            timeout = COMPILING if what in ("table", "model") else TIMEOUT
-            return await asyncio.wait_for(asyncio.wrap_future(server.site.desk.ask(what, **how)), timeout)
+            return await self.ask(COMPILING if what in ("table", "model") else TIMEOUT, what, **how)
         if what == "record":
             name = checked_name(str(message["name"]))
-            note = str(message.get("note", ""))[:LONGEST_NOTE]
-            return await asyncio.wait_for(asyncio.wrap_future(server.site.desk.ask("record", name=name, note=note)), 30)
+            return await self.ask(RECORDING, what, name=name, note=str(message.get("note", ""))[:LONGEST_NOTE])
         if what == "stop_recording":
-            return await asyncio.wait_for(asyncio.wrap_future(server.site.desk.ask("stop_recording")), 30)
+            return await self.ask(RECORDING, what)
         if what == "job":
             return await run_in_threadpool(self._start, message)
         if what == "cancel":
@@ -191,6 +177,10 @@ class LivePage:
         if what == "release":
             return Answer(True, server.site.jobs.release(RELEASED_BY if message["released"] is True else ""))
         raise ShakeError(f"{what[:40]!r} is not a known request")
+
+    async def ask(self, timeout: float, what: str, **how: Any) -> Answer:
+        """The graph's answer; TimeoutError after `timeout` [s] without one."""
+        return await asyncio.wait_for(asyncio.wrap_future(self.server.site.desk.ask(what, **how)), timeout)
 
     def _start(self, message: dict[str, Any]) -> Answer:
         """A job on recordings of the library."""
@@ -223,32 +213,6 @@ def _shown(path: Path) -> str:
         return str(path.relative_to(Path.cwd()))
     except ValueError:
         return str(path)
-
-
-async def live(server: Server, socket: WebSocket) -> None:
-    """Serve one page until it goes."""
-
-    if server.pages >= MOST_PAGES:
-        await socket.close(1013, "too many pages")
-        return
-    await socket.accept()
-    server.pages += 1
-    page = LivePage(server, socket)
-    tasks = [asyncio.create_task(act()) for act in (page.frames, page.states, page.listen)]
-    try:
-        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        for task in tasks:
-            if (
-                task.done()
-                and (error := task.exception())
-                and not isinstance(error, WebSocketDisconnect | RuntimeError)
-            ):
-                raise error
-    finally:
-        server.pages -= 1
-        server.seat.leave(page)
-        for task in tasks:
-            task.cancel()
 
 
 WEB = Path(__file__).resolve().parent / "web"
@@ -292,7 +256,6 @@ class Server:
     """
 
     def __init__(self, site: Site) -> None:
-
         self.site, self.seat, self.keys = site, Seat(), Keys()
         self.pages = 0
         self._status_at, self._status = 0.0, ""
@@ -312,7 +275,7 @@ class Server:
             Route("/api/spectators", self._spectators),
             Route("/api/upload", self._upload, methods=["POST"]),
             Route("/results/{page:path}/report.html", self._report),
-            WebSocketRoute("/live", functools.partial(_with_server, live, self)),
+            WebSocketRoute("/live", self._live),
             Mount("/web", StaticFiles(directory=WEB)),
             Mount("/charts", StaticFiles(directory=CHARTS)),
         ]
@@ -357,6 +320,26 @@ class Server:
             self._thread.join(3.0)
         self._socket.close()
 
+    async def _live(self, socket: WebSocket) -> None:
+        """Serve one page until it goes."""
+        if self.pages >= MOST_PAGES:
+            await socket.close(1013, "too many pages")
+            return
+        await socket.accept()
+        self.pages += 1
+        page = LivePage(self, socket)
+        tasks = [asyncio.create_task(act()) for act in (page.frames, page.states, page.listen)]
+        try:
+            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            for error in (task.exception() for task in done):
+                if error and not isinstance(error, WebSocketDisconnect | RuntimeError):
+                    raise error
+        finally:
+            self.pages -= 1
+            self.seat.leave(page)
+            for task in tasks:
+                task.cancel()
+
     async def _enter(self, request: Request) -> Response:
         """The token of the address becomes a cookie; then the page itself."""
         token = request.query_params.get("token", "")
@@ -374,10 +357,8 @@ class Server:
 
     async def _choices(self, _request: Request) -> Response:
         found = {kind: sorted(path.stem for path in (config_folder() / kind).glob("*.yaml")) for kind in CHOICES}
-        uploads = sorted(str(path) for path in (self.site.folder / "uploads").glob("*.yaml"))
-        tables = sorted(str(path) for path in (self.site.folder / "results").glob("*/table.yaml"))
-        found["reference"] += uploads
-        found["table"] += tables
+        found["reference"] += sorted(map(str, (self.site.folder / "uploads").glob("*.yaml")))
+        found["table"] += sorted(map(str, (self.site.folder / "results").glob("*/table.yaml")))
         return JSONResponse(found)
 
     async def _parameters(self, _request: Request) -> Response:
@@ -417,10 +398,6 @@ class Server:
         content = await run_in_threadpool(path.read_bytes)
         headers = {"content-security-policy": REPORT_POLICY, "x-frame-options": "SAMEORIGIN"}
         return Response(content + SPACE, media_type="text/html; charset=utf-8", headers=headers)
-
-
-async def _with_server(act: Callable[[Server, WebSocket], Any], server: Server, page: WebSocket) -> None:
-    await act(server, page)
 
 
 def _operators_only(request: Request) -> None:

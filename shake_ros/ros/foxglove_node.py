@@ -37,7 +37,7 @@ class Thinned:
     def __init__(self, frame: Frame, topic: interface.Topic, period: int, context: foxglove.Context) -> None:
         self.passed = self._next = 0
         self._frame, self._period = frame, period if topic.sampled else 0
-        kind = f"{topic.type.__module__.split('.')[0]}/msg/{topic.type.__name__}"
+        kind = interface.type_name(topic.type)
         schema = foxglove.Schema(name=kind, encoding="ros2msg", data=definition_of(kind)[0].encode())
         name = frame.resolved(topic.name)
         self.channel = foxglove.Channel(name, schema=schema, message_encoding="cdr", context=context)

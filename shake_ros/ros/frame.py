@@ -76,6 +76,20 @@ AGAIN = 1e-4  # pause before a message is offered again [s]; at SCHED_FIFO the r
 BLOCKED = 30.0  # a reader that takes nothing for this long [s] has hung
 
 
+def insist(publish: Callable[[Any], object], data: Any, ended: Callable[[], bool], name: str) -> None:
+    """Offer a message of a topic until its readers have room for it, or until `ended`."""
+    give_up = time.monotonic() + BLOCKED
+    while not ended():
+        try:
+            publish(data)
+        except RuntimeError:
+            if time.monotonic() > give_up:
+                raise RuntimeError(f"{name}: a reader has taken no sample for {BLOCKED:g} s") from None
+            time.sleep(AGAIN)
+        else:
+            return
+
+
 class Writer:
     """Publishes the samples of one topic."""
 
@@ -94,23 +108,8 @@ class Writer:
         try:
             self._publish(data)
         except RuntimeError:
-            self._insist(data)
-
-    def _insist(self, data: Any) -> None:
-        give_up = time.monotonic() + BLOCKED
-        while not self._published(data):
-            if self._frame.stopping or not self._frame.node.context.ok():
-                return
-            if time.monotonic() > give_up:
-                raise RuntimeError(f"{self._topic.name}: a reader has taken no sample for {BLOCKED:g} s")
-            time.sleep(AGAIN)
-
-    def _published(self, data: Any) -> bool:
-        try:
-            self._publish(data)
-        except RuntimeError:
-            return False
-        return True
+            frame = self._frame
+            insist(self._publish, data, lambda: frame.stopping or not frame.node.context.ok(), self._topic.name)
 
 
 class Reader:

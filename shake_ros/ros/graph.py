@@ -40,7 +40,8 @@ ROOT = Path(__file__).resolve().parents[2]
 STACK = 40  # last lines of a node that does not end, with the stacks of its threads
 LEADER = "plant"  # its end is the end of a run
 CLOCKED = ("reference_generator",)  # keep a time of their own in real time, and read nothing then
-LAST = ("recorder",)  # stopped after all that it may still hear from
+RECORDER = "recorder"
+LAST = (RECORDER, "page")  # stopped in this order after all others: a recorder may still hear from them
 
 # Which sampled topics a node reads, for the plant to wait for.
 READS: dict[str, tuple[str, ...]] = {
@@ -114,7 +115,7 @@ def awaited(nodes: Sequence[NodeSpec], lockstep: bool) -> str:
 
 def _recorded(node: NodeSpec) -> tuple[str, ...]:
     """The sampled topics that a recorder takes: all by default."""
-    if node.executable != "recorder":
+    if node.executable != RECORDER:
         return ()
     named = str(node.parameters.get("topics", "")).split()
     return tuple(topic.name for topic in TOPICS.values() if topic.sampled and (not named or topic.name in named))
@@ -207,20 +208,17 @@ class Graph:
         )
 
     def add(self, node: NodeSpec) -> None:
-        """Start one more node; it replaces one of its name that has ended."""
+        """Start one more node; it replaces one of its name, and whatever is left of that is killed."""
         if node.called in self.processes:
+            self.processes[node.called].kill()
             self.processes[node.called].wait()
             self._logs[node.called].close()
         self.nodes = [one for one in self.nodes if one.called != node.called] + [node]
         self._start(node)
 
     def start_again(self, name: str) -> None:
-        """Start a node anew, as it was started first; whatever is left of it is killed."""
-        if self.processes[name].poll() is None:
-            self.processes[name].kill()
-        self.processes[name].wait()
-        self._logs[name].close()
-        self._start(next(node for node in self.nodes if node.called == name))
+        """Start a node anew, as it was started first."""
+        self.add(next(node for node in self.nodes if node.called == name))
 
     def output(self, name: str) -> str:
         """What a node has written so far."""
@@ -292,12 +290,12 @@ class Graph:
         return f"node {name} did not end within {GRACE:g} s of SIGINT\n{tail}"
 
     def groups(self) -> list[list[str]]:
-        """Names in the order in which they end: recorders last."""
-        last = [node.called for node in self.nodes if node.executable in LAST]
-        return [[name for name in self.processes if name not in last], last]
+        """Names in the order in which they end."""
+        last = [[node.called for node in self.nodes if node.executable == kind] for kind in LAST]
+        return [[node.called for node in self.nodes if node.executable not in LAST], *last]
 
     def stop(self) -> None:
-        """SIGINT to what still runs, recorders last; each must end with exit code 0 within GRACE."""
+        """SIGINT to what still runs, in order; each must end with exit code 0 within GRACE."""
         for group in self.groups():
             wrong = self.end(group)
             if wrong:

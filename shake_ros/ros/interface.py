@@ -141,6 +141,16 @@ def interface_class(name: str) -> Any:
         return None
 
 
+def type_name(kind: Any) -> str:
+    """The name of a message's or service's class, such as sensor_msgs/msg/Imu.
+
+    >>> type_name(Trigger)
+    'std_srvs/srv/Trigger'
+    """
+    package, folder, *_ = kind.__module__.split(".")
+    return f"{package}/{folder}/{kind.__name__}"
+
+
 def matching(offered: list[QoSProfile]) -> QoSProfile:
     """A profile that every writer of a topic can serve."""
     profile = copied(REALTIME_QOS)

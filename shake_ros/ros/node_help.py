@@ -10,16 +10,17 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any
 
-from rcl_interfaces.msg import ParameterEvent, ParameterType
+from rcl_interfaces.msg import ParameterEvent
 from rclpy.impl.logging_severity import LoggingSeverity
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 
-from shake_ros.core.quantities import ShakeError
+from shake_ros.core.quantities import KINDS, ShakeError
 from shake_ros.entry_points import NODES
 from shake_ros.page.desk import Answer
 from shake_ros.ros.frame import Frame
+from shake_ros.ros.interface import type_name
 from shake_ros.ros.loop import DISCOVERY_RANGE, ros_context
 from shake_ros.ros.parameters import OWN_OVERRIDES
 
@@ -27,15 +28,13 @@ OUT_OF_SIGHT = "/_help"  # no topic of a graph that runs gets another writer
 UNBOUNDED = 1e300  # a bound beyond stands for none
 
 
-def bounds(described: Any) -> str:
-    """The range or the names that a parameter may have; empty for any."""
-    if described.additional_constraints:
-        return str(described.additional_constraints)
+def bounds(described: Any) -> tuple[float | None, float | None]:
+    """The least and the largest value of a parameter, None where there is none."""
+    low = high = None
     for one in (*described.floating_point_range, *described.integer_range):
-        low, high = float(one.from_value), float(one.to_value)
-        if low > -UNBOUNDED or high < UNBOUNDED:
-            return f"{low:g} … {high:g}" if high < UNBOUNDED else f"from {low:g}"
-    return ""
+        low = one.from_value if one.from_value > -UNBOUNDED else None
+        high = one.to_value if one.to_value < UNBOUNDED else None
+    return low, high
 
 
 def parameter_lines(frame: Frame) -> list[str]:
@@ -45,9 +44,12 @@ def parameter_lines(frame: Frame) -> list[str]:
         if name.startswith(OWN_OVERRIDES):
             continue
         described, value = frame.node.describe_parameter(name), frame.node.get_parameter(name).value
+        low, high = bounds(described)
         shown = str(value).lower() if isinstance(value, bool) else f"{value:g}" if isinstance(value, float) else value
         star = " " if described.read_only else "*"
-        limits = f" ({found})" if (found := bounds(described)) else ""
+        limits = f" ({described.additional_constraints})" if described.additional_constraints else ""
+        if low is not None:
+            limits = f" ({low:g} … {high:g})" if high is not None else f" (from {low:g})"
         lines.append(f" {star}{name} = {shown if shown != '' else repr('')}\n      {described.description}{limits}")
     return lines
 
@@ -63,9 +65,9 @@ def topic_lines(frame: Frame) -> list[str]:
     ):
         names = {name.removeprefix(space): kind for name, kind in found.items()}
         own = [
-            f"  {name} [{kind.__module__.split('.')[0]}/{'srv' if title == 'answers to' else 'msg'}/{kind.__name__}]"
+            f"  {name} [{type_name(kind)}]"
             for name, kind in sorted(names.items())
-            if kind.__module__.split(".")[0] not in ("rcl_interfaces", "type_description_interfaces")
+            if not kind.__module__.startswith(("rcl_interfaces.", "type_description_interfaces."))
         ]
         lines += [f"{title}:", *own] if own else []
     return lines
@@ -99,12 +101,6 @@ def text(build: Callable[[Frame], Any], name: str) -> str:
 
 
 AGAIN = 0.4  # a node is not asked more often [s]
-TYPES = {
-    ParameterType.PARAMETER_BOOL: (Parameter.Type.BOOL, bool),
-    ParameterType.PARAMETER_INTEGER: (Parameter.Type.INTEGER, int),
-    ParameterType.PARAMETER_DOUBLE: (Parameter.Type.DOUBLE, float),
-    ParameterType.PARAMETER_STRING: (Parameter.Type.STRING, str),
-}
 
 
 def parameter_entry(described: Any, value: Any) -> dict[str, Any]:
@@ -112,10 +108,7 @@ def parameter_entry(described: Any, value: Any) -> dict[str, Any]:
     meaning, _, unit = described.description.rpartition(" [")
     if not meaning or not described.description.endswith("]"):
         meaning, unit = described.description, ""
-    low = high = None
-    for one in (*described.floating_point_range, *described.integer_range):
-        low = one.from_value if one.from_value > -UNBOUNDED else None
-        high = one.to_value if one.to_value < UNBOUNDED else None
+    low, high = bounds(described)
     names = described.additional_constraints.removeprefix("one of ").split(", ")
     return {
         "name": described.name,
@@ -197,11 +190,10 @@ class RemoteParameters:
             done.set_result(Answer(False, f"{node} has no parameter {str(name)[:60]}"))
             return
         try:
-            kind = next(one for one in TYPES.values() if one[1].__name__ == known["kind"])
-            exact = kind[1](value)
+            exact = KINDS[known["kind"]](value)
             if isinstance(value, bool) != (known["kind"] == "bool"):
                 raise ValueError
-        except (ValueError, TypeError, OverflowError, StopIteration):
+        except (ValueError, TypeError, OverflowError, KeyError):
             done.set_result(Answer(False, f"{name} = {str(value)[:60]} is not of type {known['kind']}"))
             return
 
@@ -212,5 +204,5 @@ class RemoteParameters:
             if not done.done():
                 done.set_result(Answer(bool(one.successful), text))
 
-        request = [Parameter(name, kind[0], exact)]
+        request = [Parameter(name, value=exact)]
         self._clients[node].set_parameters(request, callback=self._then(answered))

@@ -15,7 +15,7 @@ from shake_ros.data.recordings.bag import Bag, Message
 from shake_ros.ros import interface
 from shake_ros.ros.conversions import SECOND
 from shake_ros.ros.diagnostics import OK
-from shake_ros.ros.frame import AGAIN, BLOCKED, DELIVERY, SHARED, Behaviour, Frame
+from shake_ros.ros.frame import DELIVERY, SHARED, Behaviour, Frame, insist
 from shake_ros.ros.interface import interface_class
 
 LONGEST_SLEEP = 0.1  # a pause looks for a stop this often [s]
@@ -140,14 +140,7 @@ class Player(Behaviour):
             if self._clock is not None:
                 self._clock.send(self._now)
             return
-        publish, give_up = self._publishers[message.topic].publish, time.monotonic() + BLOCKED
-        while not self._stopping.is_set():
-            try:
-                return publish(message.data)
-            except RuntimeError:
-                if time.monotonic() > give_up:
-                    raise
-                time.sleep(AGAIN)
+        insist(self._publishers[message.topic].publish, message.data, self._stopping.is_set, message.topic)
 
 
 build = Player

@@ -25,25 +25,9 @@ from shake_ros.ros import interface, loop
 from shake_ros.ros.conversions import SECOND
 from shake_ros.ros.diagnostics import OK, Input
 from shake_ros.ros.frame import FIRST_STAMP, Behaviour, Frame, taken
-from shake_ros.ros.interface import Topic, interface_class, matching
+from shake_ros.ros.interface import Topic, interface_class, matching, type_name
 
 STAMP = struct.Struct("<iI")
-
-
-class ReceiptClock:
-    """When a message was received: in lock-step the newest stamp, as in any other run; else the node's clock."""
-
-    def __init__(self, frame: Frame) -> None:
-        self._frame = frame
-        self._newest = FIRST_STAMP
-
-    def stamped(self, stamp: int) -> None:
-        """A sample of this instant [ns] has come."""
-        self._newest = max(self._newest, stamp)
-
-    def now(self) -> int:
-        """[ns]"""
-        return self._newest if self._frame.lockstep else self._frame.now()
 
 
 class Reception:
@@ -52,46 +36,42 @@ class Reception:
     Parameters
     ----------
     profile : to subscribe with.
-    number : of the topic in the recording.
+
+    Attributes
+    ----------
+    declared : full name, type and offered quality of service in rosbag2's form, from the first message on.
+    number : of the topic in the recording, once it is written.
     """
 
-    def __init__(
-        self,
-        frame: Frame,
-        topic: Topic,
-        profile: QoSProfile,
-        clock: ReceiptClock,
-        writing: WritingThread,
-        number: int,
-    ) -> None:
-        self.count = 0
-        self._frame, self._topic, self._clock, self._writing, self._number = frame, topic, clock, writing, number
-        self.name = frame.resolved(topic.name)
-        self._input = Input(topic.name, frame.period)
-        self._subscription = frame.subscription(topic, self.arrived, profile=profile)
+    def __init__(self, recorder: Recorder, topic: Topic, profile: QoSProfile) -> None:
+        self.count, self.number = 0, -1
+        self.declared: tuple[str, str, list[dict[str, Any]] | None] = ("", "", None)
+        self._recorder, self._topic = recorder, topic
+        self.name = recorder.frame.resolved(topic.name)
+        self._input = Input(topic.name, recorder.frame.period)
+        self._subscription = recorder.frame.subscription(topic, self.arrived, profile=profile)
 
     def arrived(self, data: bytes) -> None:
         """A message, serialised."""
         if not self.count:
             self._declare()
         self.count += 1
+        stamp = 0
         if self._topic.sampled:
             seconds, nanoseconds = STAMP.unpack_from(data, 4)
             stamp = seconds * SECOND + nanoseconds
             self._input.count(stamp)
-            self._clock.stamped(stamp)
-        self._writing.put(self._number, self._clock.now(), data)
+        self._recorder.writing.put(self, self._recorder.receipt(stamp), data)
 
     def _declare(self) -> None:
         """At the first message: the type and the quality of service that the writers offer."""
-        kind, diagnostics = self._topic.type, self._frame.diagnostics
-        publishers = self._frame.node.get_publishers_info_by_topic(self.name)
+        frame = self._recorder.frame
+        publishers = frame.node.get_publishers_info_by_topic(self.name)
         offered = [profile_of(info.qos_profile) for info in publishers]
-        package = kind.__module__.split(".")[0]
-        self._writing.declare(self._number, Declaration(self.name, f"{package}/msg/{kind.__name__}", offered[:1]))
+        self.declared = self.name, type_name(self._topic.type), offered[:1] or None
         if self._topic.sampled:
-            diagnostics.inputs[self._topic.name] = self._input
-        diagnostics.values[f"{self._topic.name}.count"] = lambda: self.count
+            frame.diagnostics.inputs[self._topic.name] = self._input
+        frame.diagnostics.values[f"{self._topic.name}.count"] = lambda: self.count
 
     @property
     def newest(self) -> int:
@@ -127,15 +107,6 @@ PAUSE = 0.02  # between two looks at the queue [s]
 BURST = 500  # messages written before other threads get a turn
 
 
-@dataclass(frozen=True)
-class Declaration:
-    """A topic as a recording declares it: full name, type, offered quality of service in rosbag2's form."""
-
-    name: str
-    type: str
-    profiles: list[dict[str, Any]]
-
-
 class WritingThread:
     """Writes what `put` appends; all calls of the writer happen in this thread.
 
@@ -160,20 +131,14 @@ class WritingThread:
         self._writer = writer
         self._flush_every = flush_every
         self._limit = limit
-        self._queue: deque[tuple[int, int, bytes]] = deque()
-        self._declared: dict[int, Declaration] = {}
-        self._numbers: dict[int, int] = {}
+        self._queue: deque[tuple[Reception, int, bytes]] = deque()
         self._added = 0  # bytes ever put, by the callbacks' thread
         self._written = 0  # bytes ever written, by this thread
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="recording", daemon=True)
         self._thread.start()
 
-    def declare(self, topic: int, declaration: Declaration) -> None:
-        """Say what a topic is, before its first message."""
-        self._declared[topic] = declaration
-
-    def put(self, topic: int, received: int, data: bytes) -> None:
+    def put(self, topic: Reception, received: int, data: bytes) -> None:
         """Append a message with its time of receipt [ns]; never waits."""
         self.waiting = self._added - self._written
         if self.waiting > self._limit or self.error:
@@ -204,14 +169,13 @@ class WritingThread:
             self._queue.clear()
 
     def _drain(self) -> None:
-        queue, numbers, write = self._queue, self._numbers, self._writer.write
+        queue, write = self._queue, self._writer.write
         while queue:
             for _ in range(min(BURST, len(queue))):
                 topic, received, data = queue.popleft()
-                if topic not in numbers:
-                    declared = self._declared[topic]
-                    numbers[topic] = self._writer.add_topic(declared.name, declared.type, declared.profiles or None)
-                write(numbers[topic], received, data)
+                if topic.number < 0:
+                    topic.number = self._writer.add_topic(*topic.declared)
+                write(topic.number, received, data)
                 self._written += len(data)
             time.sleep(0)
 
@@ -239,10 +203,10 @@ class Recorder(Behaviour):
         super().__init__(frame)
         own = frame.settings(RecorderParameters).value
         self.receptions: list[Reception] = []
-        self._clock = ReceiptClock(frame)
+        self._newest = FIRST_STAMP
         compression = "" if own.compression == "none" else own.compression
         path = Path(own.output).expanduser() if own.output else Path(time.strftime("shake_%Y_%m_%d-%H_%M_%S"))
-        self._writing = WritingThread(
+        self.writing = WritingThread(
             BagWriter(path, compression, own.force), own.flush_every, int(own.waiting_limit * MEBIBYTE)
         )
         self._sought = set(own.topics.split())
@@ -250,12 +214,12 @@ class Recorder(Behaviour):
             topic = interface.TOPICS.get(name)
             if topic is not None:
                 self._sought.discard(name)
-                self._receive(topic, self._profile(topic))
+                self.receptions.append(Reception(self, topic, self._profile(topic)))
         if self._sought:
             frame.every(LOOK_FOR, self._look_for_topics)
         frame.diagnostics.condition = self._condition
-        frame.diagnostics.values["dropped"] = lambda: self._writing.dropped
-        frame.diagnostics.values["waiting_bytes"] = lambda: self._writing.waiting
+        frame.diagnostics.values["dropped"] = lambda: self.writing.dropped
+        frame.diagnostics.values["waiting_bytes"] = lambda: self.writing.waiting
         frame.diagnostics.values["recorded_to_ns"] = self._recorded_to
         frame.node.get_logger().info(f"recording to {path}")
 
@@ -263,11 +227,11 @@ class Recorder(Behaviour):
         """Take what has arrived but was not yet served, then complete the file."""
         for one in self.receptions:
             one.take()
-        error = self._writing.close()
+        error = self.writing.close()
         total = sum(one.count for one in self.receptions)
-        self.frame.node.get_logger().info(f"recorded {total} messages to {self._writing.path}")
+        self.frame.node.get_logger().info(f"recorded {total} messages to {self.writing.path}")
         if error:
-            raise ShakeError(f"{self._writing.path}: {error}; the recording is incomplete")
+            raise ShakeError(f"{self.writing.path}: {error}; the recording is incomplete")
 
     def _profile(self, topic: interface.Topic) -> QoSProfile:
         """In lock-step the readers hold the writers back; in real time they take all that a writer still has."""
@@ -275,9 +239,10 @@ class Recorder(Behaviour):
             return interface.LOCKSTEP_QOS
         return interface.REALTIME_RECORDER_QOS
 
-    def _receive(self, topic: interface.Topic, profile: QoSProfile) -> None:
-        number = len(self.receptions)
-        self.receptions.append(Reception(self.frame, topic, profile, self._clock, self._writing, number))
+    def receipt(self, stamp: int) -> int:
+        """When a message of this stamp [ns] was received: in lock-step the newest stamp, as in any other run."""
+        self._newest = max(self._newest, stamp)
+        return self._newest if self.frame.lockstep else self.frame.now()
 
     def _recorded_to(self) -> int:
         """The stamp up to which every sampled topic that has come is recorded [ns]; 0 before the first."""
@@ -299,16 +264,16 @@ class Recorder(Behaviour):
                 self.frame.diagnostics.fault(name, f"{name}: no Python package for type {types[0]}")
                 continue
             topic = interface.Topic(name, kind, sampled=False)
-            self._receive(topic, matching([info.qos_profile for info in writers]))
+            self.receptions.append(Reception(self, topic, matching([info.qos_profile for info in writers])))
 
     def _condition(self) -> tuple[int, str]:
         self.frame.diagnostics.cycles = total = sum(one.count for one in self.receptions)
-        if self._writing.error:
-            self.frame.diagnostics.fault("disk", f"{self._writing.path}: {self._writing.error}")
-        if self._writing.dropped:
-            self.frame.diagnostics.fault("slow", f"the disk is too slow: {self._writing.dropped} messages dropped")
+        if self.writing.error:
+            self.frame.diagnostics.fault("disk", f"{self.writing.path}: {self.writing.error}")
+        if self.writing.dropped:
+            self.frame.diagnostics.fault("slow", f"the disk is too slow: {self.writing.dropped} messages dropped")
         waiting = f"; no publisher yet on {', '.join(sorted(self._sought))}" if self._sought else ""
-        return OK, f"{total} messages to {self._writing.path}{waiting}"
+        return OK, f"{total} messages to {self.writing.path}{waiting}"
 
 
 build = Recorder

@@ -24,7 +24,7 @@ from shake_ros.core.safety.causes import TIMED
 from shake_ros.core.safety.stages import OFF, STAGES
 from shake_ros.page.desk import Exchange
 from shake_ros.ros.diagnostics import NO_ANSWER
-from shake_ros.ros.graph import LAST, Graph, NodeSpec
+from shake_ros.ros.graph import LAST, RECORDER, Graph, NodeSpec
 from shake_ros.ros.graph_client import POLL, TABLES, LiveGraph
 from shake_ros.ros.interface import ENABLE, RESET, Service
 
@@ -109,7 +109,6 @@ def stop_in_order(live: LiveGraph, timeout: float, slowly: Callable[[], None] | 
 SIGNAL_REPEAT = 2.0  # a signal that comes later than this after the first ends all at once [s]
 STOPPING = 12.0  # an orderly stop may take so long [s]
 COMPILING = 4.0  # a start that takes longer says why [s]
-OUTSIDE = ("page", *LAST)  # do not take part in the loop
 
 
 def say(text: str) -> None:
@@ -166,11 +165,11 @@ class Supervisor:
         return any(self.graph.processes[one.called].poll() == 0 for one in self._loop() if one.executable in TABLES)
 
     def _loop(self) -> list[NodeSpec]:
-        return [one for one in self.graph.nodes if one.executable not in OUTSIDE]
+        return [one for one in self.graph.nodes if one.executable not in LAST]
 
     def _recorder(self) -> str:
         """Output of the recorder that runs; empty where none does."""
-        running = [one for one in self.graph.nodes if one.executable in LAST and self._runs(one.called)]
+        running = [one for one in self.graph.nodes if one.executable == RECORDER and self._runs(one.called)]
         return str(running[0].parameters["output"]) if running else ""
 
     def _runs(self, name: str) -> bool:
@@ -182,7 +181,7 @@ class Supervisor:
             name = node.called
             if self._runs(name) or name in self._dead:
                 continue
-            if node.executable in (*LAST, *TABLES) and self.graph.processes[name].poll() == 0:
+            if node.executable in (RECORDER, *TABLES) and self.graph.processes[name].poll() == 0:
                 continue
             code, written = self.graph.processes[name].poll(), self.graph.output(name).strip().splitlines()
             why = written[-1] if written and code and code > 0 else "ended"
@@ -247,7 +246,7 @@ class Supervisor:
     def _restart(self, message: Mapping[str, Any]) -> str:
         """One node; in lock-step the whole loop, since all count the same samples."""
         name = message["name"]
-        known = [one.called for one in self.graph.nodes if one.executable not in LAST]
+        known = [one.called for one in self.graph.nodes if one.executable != RECORDER]
         if name not in known:
             raise ShakeError(f"no node {name}; there are {', '.join(known)}")
         if self.graph.lockstep and name in (one.called for one in self._loop()):
@@ -304,7 +303,7 @@ class Supervisor:
         running = self._recorder()
         if not running:
             return ""
-        wrong = self.graph.end([one.called for one in self.graph.nodes if one.executable in LAST])
+        wrong = self.graph.end([one.called for one in self.graph.nodes if one.executable == RECORDER])
         if wrong:
             raise ShakeError(wrong[0])
         return f"recording closed: {running}"
@@ -317,11 +316,7 @@ class Supervisor:
             if not self._stop_in_order(SIGNAL_REPEAT):
                 wrong.append("the table has not reported that its pressure is off")
         recording = self._recorder()
-        for group in (
-            [one.called for one in self._loop()],
-            [one.called for one in self.graph.nodes if one.executable in LAST],
-            [one.called for one in self.graph.nodes if one.executable == "page"],
-        ):
+        for group in self.graph.groups():
             wrong += self.graph.end([name for name in group if self._runs(name)])
         if recording:
             say(f"recording closed: {recording}")

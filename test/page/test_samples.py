@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from shake_ros.page.samples import CURVES, HEADER, LONGEST_GAP, ROW, Prediction, SampleStore, amplitude_spectrum
+from shake_ros.page.samples import HEADER, LONGEST_GAP, ROW, Prediction, SampleStore, amplitude_spectrum
 from shake_ros.settings import load_table
 
 MS = 1_000_000
@@ -122,10 +122,6 @@ def test_spectrum_shows_the_amplitude_of_a_sine() -> None:
     frequency, amplitude = amplitude_spectrum(3.0 * np.sin(2 * np.pi * 7.3 * np.arange(8192) * 0.001), 0.001)
     assert abs(amplitude.max() - 3.0) < 0.02
     assert abs(frequency[np.argmax(amplitude)] - 7.3) < 0.5
-
-
-def test_every_curve_has_a_unit() -> None:
-    assert all(curve.unit for curve in CURVES)
 
 
 def test_computed_curves_wait_for_a_late_topic_but_not_for_one_that_has_stopped() -> None:
