@@ -41,7 +41,7 @@ from shake_ros.core.safety.faults import MACHINE_FAULTS
 from shake_ros.core.safety.interlock import Interlock
 from shake_ros.core.safety.machine import Machine, PowerUnitParameters
 from shake_ros.core.safety.stages import OFF, RUN
-from shake_ros.realtime import ANY, Durations, LastSecond, RealtimeParameters, ask_for, hold_collector
+from shake_ros.realtime import ANY, SECOND, Durations, LastSecond, RealtimeParameters, ask_for, hold_collector
 from shake_ros.settings import find, load_interlock, load_table, read_yaml
 
 # fault → unit of its value, "" where it has none
@@ -117,7 +117,6 @@ class Switches:
         return scheduled | self._switched
 
 
-SECOND = 1_000_000_000
 REMEMBERED = 4096  # measurements whose sending time is kept for the round trip
 MOST_STEPS = 1000  # made up for at once after a pause; a longer one is left out
 # A row of the journal: wall clock [ns]; true position, velocity, acceleration; command at the valve; stage; number of

@@ -17,13 +17,13 @@ from collections.abc import Callable
 from shake_ros.bridge import wire
 from shake_ros.bridge.wire import Session, numeric, session_key
 from shake_ros.core.quantities import ShakeError
+from shake_ros.realtime import SECOND
 
 HELLO_PERIOD = 0.1  # [s] between two hellos
 SILENCE = 0.5  # after so long without a measurement [s] a new session is asked for
 BUFFER = 1 << 20  # of the socket [bytes]
 TIMESPEC = struct.Struct("@qq")
 SO_TIMESTAMPNS = 35  # of Linux, not in Python's socket module
-SECOND = 1_000_000_000
 MOST_AT_ONCE = 64  # datagrams that are looked at in one call
 
 

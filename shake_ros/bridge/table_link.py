@@ -25,7 +25,7 @@ from shake_ros.bridge.ends import Host
 from shake_ros.bridge.wire import key_for
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, strict_keys
 from shake_ros.core.safety.causes import NUMBERS
-from shake_ros.realtime import LastSecond
+from shake_ros.realtime import SECOND, LastSecond
 
 UNITS = {
     "position": "m",
@@ -111,7 +111,6 @@ class BridgeParameters(Parameters):
             raise type(error)(f"{where}: {error}") from None
 
 
-SECOND = 1_000_000_000
 BUCKET = SECOND // 10  # [ns]
 WINDOW = 100  # buckets
 ENOUGH = 10  # buckets before a drift is fitted
@@ -212,12 +211,7 @@ class Sample(NamedTuple):
 
 
 class TableLink:
-    """Host, clock and channels of one table.
-
-    Parameters
-    ----------
-    parameters : of the link.
-    """
+    """Host, clock and channels of one table."""
 
     def __init__(self, parameters: BridgeParameters) -> None:
         self.parameters = p = parameters

@@ -44,7 +44,7 @@ class Prediction:
     Parameters
     ----------
     sample_time : [s].
-    model : table to predict with; None for none.
+    model : table to predict with.
     """
 
     def __init__(self, sample_time: float, model: TableParameters | None) -> None:
@@ -337,11 +337,7 @@ class RunMeter:
 
     def _judge(self, row: dict[str, Any], error: Floats, wanted: Floats, felt: Floats, asked: Floats) -> None:
         """Not in the thread that takes samples: a spectrum takes a while, and compiles at first."""
-        from shake_ros.core.loop.metrics import (
-            DAMPING,
-            HIGHEST,
-            LOWEST,  # slow to import
-        )
+        from shake_ros.core.loop.metrics import DAMPING, HIGHEST, LOWEST  # slow to import
 
         known = np.isfinite(error)
         rms = float(np.sqrt(np.mean(error[known] ** 2)))

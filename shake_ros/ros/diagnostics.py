@@ -63,16 +63,7 @@ class Input:
 
 
 def status_of(name: str, hardware: str, level: int, text: str, values: Mapping[str, object]) -> DiagnosticStatus:
-    """A status message.
-
-    Parameters
-    ----------
-    name : of what it is about.
-    hardware : full name of the node.
-    level : OK, WARN or ERROR.
-    text : what a person reads.
-    values : what a program reads, by key.
-    """
+    """The status of what has a name in the node `hardware`: text for a person, values for a program."""
     return DiagnosticStatus(
         level=LEVELS[level],
         name=name,

@@ -23,12 +23,7 @@ OTHER = "another graph of these names? End it, or give this one a namespace: --r
 
 
 class ExclusiveWriter:
-    """The names that one node alone has in a ROS domain: its own and its topics'.
-
-    Parameters
-    ----------
-    domain : number of the ROS domain.
-    """
+    """The names that one node alone has in a ROS domain: its own and its topics'."""
 
     def __init__(self, domain: int) -> None:
         self._domain = domain

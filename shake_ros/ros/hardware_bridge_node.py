@@ -89,7 +89,11 @@ class HardwareBridge(Behaviour):
                 elif self._heard:
                     self.interlock.watch(now, "sensor_missing", (now - self._heard) * 1e-9)
                 self.interlock.refresh()
-                if sample is None or now - self._answered > self._late or self.interlock.tripped != self._announced:
+                if (
+                    sample is None
+                    or now - self._answered > self._late
+                    or self.interlock.core.tripped != self._announced
+                ):
                     self._answer(now)
 
     def _publish(self, sample: Sample) -> None:
@@ -116,8 +120,8 @@ class HardwareBridge(Behaviour):
     def _answer(self, now: int, stamp: int = -1) -> None:
         """What acts now goes to the target."""
         u = self.interlock.act(now, min(self._confirmed, RUN))
-        self._announced = self.interlock.tripped
-        self._link.send(u, self.interlock.stage, now < self._reset_until, self._announced, stamp)
+        self._announced = self.interlock.core.tripped
+        self._link.send(u, self.interlock.core.stage, now < self._reset_until, self._announced, stamp)
         self._answered = now
 
     def _on_command(self, stamp: int, u: float) -> None:

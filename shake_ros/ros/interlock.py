@@ -125,16 +125,6 @@ class NodeInterlock:
     def _on_reference(self, stamp: int, position: float, *_: float) -> None:
         self._reference, self._reference_stamp = position, stamp
 
-    @property
-    def stage(self) -> int:
-        """Stage of the hydraulics that is asked for."""
-        return self.core.stage
-
-    @property
-    def tripped(self) -> bool:
-        """Whether a hydraulic interlock waits for reset."""
-        return self.core.tripped
-
     def command(self, stamp: int, u: float) -> None:
         """A finite command for the sample at `stamp` [ns]."""
         if not self._frame.lockstep:
@@ -166,10 +156,10 @@ class NodeInterlock:
         age = stamp - self._reference_stamp
         reference = self._reference if abs(age) <= NEAR * self._frame.period else math.nan
         self.core.observe(stamp, position, acceleration, supply_pressure, reference)
-        if self._reference_stamp >= 0 and self.stage == RUN:
+        if self._reference_stamp >= 0 and self.core.stage == RUN:
             self.watch(stamp, "stale_reference", age * 1e-9)
         if self._operated:
-            silent = time.monotonic() - self._operator_at if self.stage == RUN else 0.0
+            silent = time.monotonic() - self._operator_at if self.core.stage == RUN else 0.0
             self.watch(stamp, OPERATED, min(silent, CAUSES[OPERATED].high))
         if not self._frame.lockstep:
             self.watch(stamp, "link_loss", max(loss, self._unanswered(stamp)))

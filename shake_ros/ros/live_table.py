@@ -47,14 +47,7 @@ RESETTING = "find its cause, then reset and enable it"
 
 
 class GraphTable:
-    """See `shake_ros.api.live_table.LiveTable`.
-
-    Parameters
-    ----------
-    graph : the running one.
-    folder : for recordings and files while it is used.
-    domain : of ROS.
-    """
+    """See `shake_ros.api.live_table.LiveTable`."""
 
     def __init__(self, graph: LiveGraph, folder: Path, domain: int) -> None:
         self.graph, self.folder, self._domain = graph, folder, domain

@@ -147,12 +147,7 @@ def sleep_until(deadline: int) -> None:
 
 
 class NodeLoop:
-    """Runs nodes in the calling thread until one of them stops it.
-
-    Parameters
-    ----------
-    context : of rclpy, initialised.
-    """
+    """Runs nodes in the calling thread until one of them stops it."""
 
     def __init__(self, context: Context) -> None:
         self.context = context

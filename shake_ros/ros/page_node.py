@@ -36,13 +36,7 @@ TAP_QOS = QoSProfile(depth=2000)
 
 
 class SampleTap:
-    """Readers on a node of their own that no executor serves.
-
-    Parameters
-    ----------
-    context, namespace : of the page's node.
-    store : where samples go.
-    """
+    """Readers on a node of their own, in the namespace of the page's, that no executor serves."""
 
     def __init__(self, context: Context, namespace: str, store: SampleStore) -> None:
         self.node = Node(

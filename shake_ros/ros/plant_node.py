@@ -51,7 +51,7 @@ class PlantNode(Behaviour):
             load_table(own.table), accept=lambda parameters: Table(parameters, frame.sample_time)
         )
         self._machine = Machine(
-            self._live.value, unit, frame.sample_time, own.seed, own.start_position, self.interlock.stage
+            self._live.value, unit, frame.sample_time, own.seed, own.start_position, self.interlock.core.stage
         )
         self._watch = PressureWatch(self._live.value, frame.sample_time)
         self._faults = frame.parameters.declare(MachineFaultParameters(), "faults.", self._accept_faults)
@@ -125,7 +125,7 @@ class PlantNode(Behaviour):
             self._sensors.declare_noise(self._live.value.sensors)
             self._watch = PressureWatch(self._live.value, self.frame.sample_time)
         u = self.interlock.act(now, machine.confirmed())
-        machine.advance(self.interlock.stage, u)
+        machine.advance(self.interlock.core.stage, u)
         position, velocity = machine.state[: VELOCITY + 1]
         self._watch.observe(position, velocity, *machine.table.pressures(machine.state))
 

@@ -88,12 +88,14 @@ class Releasing:
 
     Parameters
     ----------
-    frame : of the node. wanted : whether it is released. release : what is to be in the loop. file : the twin's table.
+    wanted : whether it is released.
+    release : what is to be in the loop.
+    file : the twin's table.
+    newest : stamp up to which the table has been heard [ns].
 
     Attributes
     ----------
     sound : whether the newest window shows a sound table.
-    newest : stamp up to which the table has been heard [ns].
     """
 
     def __init__(

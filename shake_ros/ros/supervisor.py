@@ -117,16 +117,7 @@ def say(text: str) -> None:
 
 
 class Supervisor:
-    """One laboratory.
-
-    Parameters
-    ----------
-    graph : of its processes, not yet started.
-    live : what its nodes report.
-    start : what it begins once all run, a step at a time: see `begin`.
-    exchange : the line to the page.
-    recordings : their folder.
-    """
+    """One laboratory: its processes, not yet started, and what it begins once all run, a step at a time (`begin`)."""
 
     def __init__(
         self, graph: Graph, live: LiveGraph, start: Iterator[str], exchange: Exchange, recordings: Path

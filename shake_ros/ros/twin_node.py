@@ -29,7 +29,7 @@ from shake_ros.settings import find, load_table
 
 if TYPE_CHECKING:
     from shake_ros.ros.release import Releasing
-    from shake_ros.twin.twin import Change, Twin, TwinWindow
+    from shake_ros.twin.twin import Change, TwinWindow
 
 INPUTS = (interface.VALVE_COMMAND, interface.JOINT_STATES, interface.IMU)
 BATCH = 0.1  # samples that are handed over at once [s]
@@ -159,26 +159,9 @@ class TwinNode(Behaviour):
                 self._silent[item.name] = silent
                 self.frame.say(*((WARN, paused(nothing_on(item.name))) if silent else (OK, f"{item.name} is back")))
 
-    def _made(self) -> Twin:
-        """The twin; its fits take seconds to import, in which samples wait."""
-        from shake_ros.twin.followed import load_twin
-        from shake_ros.twin.twin import Twin
-
-        return Twin(self._table, load_twin(self._settings), self.frame.sample_time)
-
-    def _released(self) -> Releasing:
-        """What serves the parameter `release`."""
-        from shake_ros.ros.release import Releasing
-        from shake_ros.twin.release import Release
-
-        own = self._own.value
-        release = Release(self.twin, own.release_factor, own.release_time)
-        return Releasing(self.frame, lambda: self._own.value.release, release, self._table, lambda: self._newest)
-
     def _follow(self) -> None:
         try:
-            self.twin = self._made()
-            self._releasing = self._released()
+            self._make()
             while True:
                 with self._there:
                     self._there.wait_for(lambda: self._queue or self._over)
@@ -201,6 +184,20 @@ class TwinNode(Behaviour):
                 self._releasing.end()
             if not self._over:
                 self.frame.stop()
+
+    def _make(self) -> None:
+        """The twin and what serves the parameter `release`; they take seconds to import, in which samples wait."""
+        from shake_ros.ros.release import Releasing
+        from shake_ros.twin.followed import load_twin
+        from shake_ros.twin.release import Release
+        from shake_ros.twin.twin import Twin
+
+        own = self._own.value
+        self.twin = Twin(self._table, load_twin(self._settings), self.frame.sample_time)
+        release = Release(self.twin, own.release_factor, own.release_time)
+        self._releasing = Releasing(
+            self.frame, lambda: self._own.value.release, release, self._table, lambda: self._newest
+        )
 
     def _publish(self, window: TwinWindow) -> None:
         """One window: its line where it pauses or goes on, its status, its prediction."""
