@@ -25,7 +25,7 @@ from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity
 from shake_ros.ros import interface
 from shake_ros.ros.conversions import SECOND, Values
 from shake_ros.ros.diagnostics import ERROR, OK, WARN
-from shake_ros.ros.frame import Behaviour, Frame
+from shake_ros.ros.frame import Behaviour, Frame, Reader
 from shake_ros.ros.graph_client import TABLES, reports_in
 from shake_ros.ros.parameters import LiveLaw, Sets, variants
 from shake_ros.settings import find, load_table, read_yaml
@@ -52,7 +52,7 @@ class AddedHarmonics:
     def switch(self, wanted: bool) -> None:
         """On or off; a new start has learnt nothing."""
         if wanted and not self._reads:
-            self._frame.reader(interface.IMU, self._on_acceleration)
+            Reader(self._frame, interface.IMU, self._on_acceleration)
             self._reads = True
         if wanted and not self._on:
             parameters = self._live.take()
@@ -109,8 +109,8 @@ class FollowedLoad:
         if self._on:
             path = find("load", name)
             self._settings = LoadTracking.from_mapping(read_yaml(path), str(path))
-            frame.reader(interface.JOINT_STATES, self._on_position)
-            frame.reader(interface.IMU, self._on_acceleration)
+            Reader(frame, interface.JOINT_STATES, self._on_position)
+            Reader(frame, interface.IMU, self._on_acceleration)
             for key, place in (("load_rigid_kg", RIGID), ("load_swaying_kg", SWAYING), ("load_frequency_hz", PITCH)):
                 frame.diagnostics.values[key] = functools.partial(self._reported, place)
             frame.diagnostics.values["load_believed"] = self._believed
@@ -232,8 +232,8 @@ class ControllerNode(Behaviour):
             topic = interface.DIAGNOSTICS
             frame.node.create_subscription(topic.type, topic.name, self._on_diagnostics, topic.qos(False))
         self._writer = frame.writer(interface.VALVE_COMMAND)
-        frame.reader(interface.REFERENCE, self._on_reference)
-        self._estimates = frame.reader(interface.ESTIMATE, self._on_estimate)
+        Reader(frame, interface.REFERENCE, self._on_reference)
+        self._estimates = Reader(frame, interface.ESTIMATE, self._on_estimate)
         self._agreed = False  # whether an estimate was for the instant that the controller expects
         self._apart = 0  # samples in a row that did not
         self._harmonics = AddedHarmonics(frame, self._step_when_complete)

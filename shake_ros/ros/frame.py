@@ -344,17 +344,6 @@ class Frame:
         self._writers.append(writer)
         return writer
 
-    def reader(
-        self,
-        topic: Topic,
-        accept: Callable[..., None],
-        refuse: Callable[[int, str], None] | None = None,
-        doubled: Callable[[int], None] | None = None,
-        profile: QoSProfile | None = None,
-    ) -> Reader:
-        """A reader of a sampled topic; see `Reader`."""
-        return Reader(self, topic, accept, refuse, doubled, profile)
-
     def resolved(self, topic: str) -> str:
         """Full name of a topic, its remaps applied."""
         return str(self.node.resolve_topic_name(topic))

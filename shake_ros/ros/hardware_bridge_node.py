@@ -16,7 +16,7 @@ from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity
 from shake_ros.core.safety.stages import OFF, RUN
 from shake_ros.ros import interface
 from shake_ros.ros.diagnostics import NO_ANSWER, OK, WARN
-from shake_ros.ros.frame import Behaviour, Frame
+from shake_ros.ros.frame import Behaviour, Frame, Reader
 from shake_ros.ros.interlock import NodeInterlock, SensorWriters
 from shake_ros.settings import find, read_yaml
 
@@ -53,7 +53,8 @@ class HardwareBridge(Behaviour):
         self._delays: array[int] = array("q")
         channels = self._link.parameters.channels
         self._sensors = SensorWriters(frame, [name for name in UNITS if channels[name].present])
-        frame.reader(
+        Reader(
+            frame,
             interface.VALVE_COMMAND,
             self._on_command,
             lambda _, reason: self.interlock.refused(frame.now(), reason),
@@ -82,7 +83,7 @@ class HardwareBridge(Behaviour):
             sample = self._link.receive(WAIT)
             if sample is not None:
                 self._publish(sample)
-            with self.interlock:
+            with self.interlock.guard:
                 now = self.frame.now()
                 if sample is not None:
                     self._watch(now, sample)
@@ -126,7 +127,7 @@ class HardwareBridge(Behaviour):
 
     def _on_command(self, stamp: int, u: float) -> None:
         now = self.frame.now()
-        with self.interlock:
+        with self.interlock.guard:
             if not self._link.knows(stamp):
                 return self.interlock.foreign(
                     now, f"command for {stamp * 1e-9:.6f} s, an instant without a measurement"

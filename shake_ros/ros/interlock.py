@@ -10,7 +10,6 @@ import threading
 import time
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Any
 
 from shake_ros.core.plant.parameters import SensorParameters
@@ -48,17 +47,16 @@ class NodeInterlock:
     enabled : whether the start sequence begins by itself.
     before_reset : called before the interlock is reset.
 
-    In a `with` block no service touches it; a node whose samples come in another thread works in one.
-
     Attributes
     ----------
     core : the interlock without ROS.
+    guard : while it is held no service touches the interlock; a node whose samples come in another thread works so.
     act, watch, report, clear : its `act`, `compare`, `report` and `clear`.
     """
 
     def __init__(self, frame: Frame, enabled: bool, before_reset: Callable[[], None] = lambda: None) -> None:
         self._frame = frame
-        self._guard = threading.RLock()
+        self.guard = threading.RLock()
         self._before_reset = before_reset
         chosen = frame.settings(InterlockChoice, "interlock").value
         self._live = frame.parameters.declare(load_interlock(chosen.configuration), "interlock.")
@@ -84,15 +82,6 @@ class NodeInterlock:
             "trips": lambda: " ".join(f"{cause}:{count}" for cause, count in sorted(core.ledger.counts.items())),
         }
 
-    def __enter__(self) -> NodeInterlock:
-        self._guard.acquire()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._guard.release()
-
     def _open_reference(self) -> Reader | None:
         """A reader of the reference, where a cause needs it."""
         wanted = [name for name in REFERENCED if self._live.value.response(name).active]
@@ -100,7 +89,7 @@ class NodeInterlock:
             raise ShakeError(
                 f"interlock.causes.{wanted[0]}: in lock-step it must be 'none' (lock-step does not wait for its reader)"
             )
-        return self._frame.reader(interface.REFERENCE, self._on_reference) if wanted else None
+        return Reader(self._frame, interface.REFERENCE, self._on_reference) if wanted else None
 
     def _open_operator(self) -> bool:
         """Whether an operator at the page is required; then the page's reports are timed by the machine's own clock."""
@@ -133,12 +122,12 @@ class NodeInterlock:
 
     def refused(self, now: int, reason: str) -> None:
         """A command that is no command: NaN, infinite, unreadable, without a stamp."""
-        with self:
+        with self.guard:
             self.report(now, NOT_FINITE, 1.0, reason)
 
     def foreign(self, now: int, reason: str) -> None:
         """A command that the one controller cannot have sent."""
-        with self:
+        with self.guard:
             self.report(now, TWO_COMMANDERS, 1.0, reason, stands=False)
 
     def doubled(self, now: int, stamp: int) -> None:
@@ -238,12 +227,12 @@ class NodeInterlock:
 
     def condition(self) -> tuple[int, str]:
         """Level and text of the present state."""
-        with self:
+        with self.guard:
             self._look_for_two()
             return self.core.condition()
 
     def _enable(self, request: Any, response: Any) -> Any:
-        with self:
+        with self.guard:
             blocked = request.data and self.core.waits_for_reset
             if not blocked:
                 self.core.enable(request.data)
@@ -252,13 +241,13 @@ class NodeInterlock:
         return response
 
     def _stop(self, _request: Any, response: Any) -> Any:
-        with self:
+        with self.guard:
             self.core.stop(self.core.now)
             response.success, response.message = True, self.core.condition()[1]
         return response
 
     def _reset(self, _request: Any, response: Any) -> Any:
-        with self:
+        with self.guard:
             self._look_for_two()
             self._before_reset()
             self._reference_stamp = -1

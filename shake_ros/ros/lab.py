@@ -226,7 +226,3 @@ def main(arguments: Sequence[str]) -> int:
             graph.kill()
             exchange.close()
             live.close()
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

@@ -22,7 +22,7 @@ from shake_ros.core.quantities import Parameters, choice
 from shake_ros.ros import interface
 from shake_ros.ros.conversions import SECOND
 from shake_ros.ros.diagnostics import OK, WARN
-from shake_ros.ros.frame import Behaviour, Frame
+from shake_ros.ros.frame import Behaviour, Frame, Reader
 from shake_ros.ros.parameters import LiveLaw, Sets, variants
 from shake_ros.settings import load_table
 
@@ -62,7 +62,7 @@ class OtherSensors:
             self._stamps[name], self._values[name] = -1, math.nan
             self._missed[name] = 0 if self._frame.lockstep else MISSED
             take = functools.partial(self._on_sample, name)
-            self._frame.reader(TOPICS[name], take, functools.partial(self._on_refused, name))
+            Reader(self._frame, TOPICS[name], take, functools.partial(self._on_refused, name))
 
     @property
     def lost(self) -> list[str]:
@@ -171,8 +171,8 @@ class ObserverNode(Behaviour):
         self._writer.codec.lead = round(self._observer.lead * SECOND)
         self._others = OtherSensors(frame, self._step_when_complete)
         self._others.want(self._observer.parameters.sensors)
-        frame.reader(interface.JOINT_STATES, self._on_measured)
-        frame.reader(interface.VALVE_COMMAND, self._on_command)
+        Reader(frame, interface.JOINT_STATES, self._on_measured)
+        Reader(frame, interface.VALVE_COMMAND, self._on_command)
         frame.diagnostics.condition = self._condition
         if frame.lockstep:
             frame.every(LOOK, self._look_for_silence)

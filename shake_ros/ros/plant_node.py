@@ -13,7 +13,7 @@ from shake_ros.core.safety.faults import MISSING, MachineFaultParameters
 from shake_ros.core.safety.machine import Machine, PowerUnitParameters
 from shake_ros.ros import interface
 from shake_ros.ros.diagnostics import OK, WARN
-from shake_ros.ros.frame import FIRST_STAMP, Behaviour, Frame
+from shake_ros.ros.frame import FIRST_STAMP, Behaviour, Frame, Reader
 from shake_ros.ros.interlock import NodeInterlock, SensorWriters
 from shake_ros.settings import load_table
 
@@ -60,7 +60,8 @@ class PlantNode(Behaviour):
         self._sensors.declare_noise(self._live.value.sensors)
         self._truth = frame.writer(interface.TRUTH)
         self._clock = frame.writer(interface.CLOCK) if frame.lockstep else None
-        self._commands = frame.reader(
+        self._commands = Reader(
+            frame,
             interface.VALVE_COMMAND,
             self._on_command,
             self._on_refused,

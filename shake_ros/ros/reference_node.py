@@ -11,7 +11,7 @@ from shake_ros.core.reference.program import Program, crossfade, keeps_phase
 from shake_ros.data.reference_file import Reference, load_reference, make_program
 from shake_ros.ros import interface
 from shake_ros.ros.diagnostics import OK
-from shake_ros.ros.frame import Behaviour, Frame
+from shake_ros.ros.frame import Behaviour, Frame, Reader
 from shake_ros.ros.parameters import LiveLaw, Sets
 
 AT_REST = "rest"
@@ -53,7 +53,7 @@ class ReferenceGenerator(Behaviour):
         self._program = made if self._playing else self._rest()
         self._writer = frame.writer(interface.REFERENCE)
         if frame.lockstep:
-            frame.reader(interface.JOINT_STATES, self._on_measured)
+            Reader(frame, interface.JOINT_STATES, self._on_measured)
         frame.diagnostics.condition = self._condition
         frame.diagnostics.values["sample"] = lambda: self._k
 

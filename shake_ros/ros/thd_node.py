@@ -14,7 +14,7 @@ from shake_ros.core.quantities import Parameters, ShakeError, quantity
 from shake_ros.ros import interface
 from shake_ros.ros.conversions import SECOND, time_message
 from shake_ros.ros.diagnostics import OK, WARN, status_of
-from shake_ros.ros.frame import Behaviour, Frame
+from shake_ros.ros.frame import Behaviour, Frame, Reader
 
 COLUMNS = "order, frequency [Hz], amplitude [m/s^2], phase [rad]"
 AXIS = "x"
@@ -43,8 +43,8 @@ class ThdAnalyzer(Behaviour):
         self._since_update = 0
         self._state = WARN, "no whole window yet"
         self._thd, self._harmonics = frame.publisher(interface.THD), frame.publisher(interface.HARMONICS)
-        frame.reader(interface.IMU, self._on_acceleration)
-        frame.reader(interface.REFERENCE, lambda stamp, *motion: self._reference.add(stamp, motion[2]))
+        Reader(frame, interface.IMU, self._on_acceleration)
+        Reader(frame, interface.REFERENCE, lambda stamp, *motion: self._reference.add(stamp, motion[2]))
         frame.diagnostics.condition = lambda: self._state
         frame.diagnostics.values["window_restarts"] = lambda: self._acceleration.restarts
 

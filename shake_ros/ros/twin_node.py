@@ -23,7 +23,7 @@ from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity
 from shake_ros.ros import interface
 from shake_ros.ros.conversions import SECOND, time_message
 from shake_ros.ros.diagnostics import ERROR, OK, WARN, Input, status_of
-from shake_ros.ros.frame import Behaviour, Frame
+from shake_ros.ros.frame import Behaviour, Frame, Reader
 from shake_ros.ros.interface import REALTIME_RECORDER_QOS, copied
 from shake_ros.settings import find, load_table
 
@@ -97,7 +97,7 @@ class TwinNode(Behaviour):
         self._publisher = frame.publisher(interface.TWIN)
         self._predicted = frame.writer(interface.PREDICTED_JOINT_STATES), frame.writer(interface.PREDICTED_IMU)
         profile = None if frame.lockstep else copied(REALTIME_RECORDER_QOS)  # takes all, however late
-        readers = [frame.reader(t, self._taker(i), profile=profile) for i, t in enumerate(INPUTS)]
+        readers = [Reader(frame, t, self._taker(i), profile=profile) for i, t in enumerate(INPUTS)]
         self._inputs = [r.input for r in readers]
         self._silent = dict.fromkeys((t.name for t in INPUTS), False)
         frame.diagnostics.condition = lambda: self._light(self._pause())

@@ -23,7 +23,7 @@ from shake_ros.ros import interface
 from shake_ros.ros.controller_node import ControllerNode, build
 from shake_ros.ros.conversions import SECOND
 from shake_ros.ros.diagnostics import ERROR
-from shake_ros.ros.frame import Frame
+from shake_ros.ros.frame import Frame, Reader
 from shake_ros.ros.loop import build_node, ros_context
 from shake_ros.settings import config_folder, load_table, load_variant
 
@@ -48,7 +48,7 @@ class Bench:
         self.estimates = self.driver.writer(interface.ESTIMATE)
         self.accelerations = self.driver.writer(interface.IMU)
         self.commands: list[float] = []
-        self.driver.reader(interface.VALVE_COMMAND, lambda _stamp, u: self.commands.append(u))
+        Reader(self.driver, interface.VALVE_COMMAND, lambda _stamp, u: self.commands.append(u))
         self.client = self.driver.node.create_client(SetParameters, "controller/set_parameters")
         self.executor = SingleThreadedExecutor(context=context)
         for one in (self.node.frame.node, self.driver.node):

@@ -24,7 +24,7 @@ from shake_ros.data.reference_file import build_program
 from shake_ros.ros import interface
 from shake_ros.ros.conversions import SECOND
 from shake_ros.ros.diagnostics import OK, WARN
-from shake_ros.ros.frame import Frame
+from shake_ros.ros.frame import Frame, Reader
 from shake_ros.ros.loop import build_node, ros_context
 from shake_ros.ros.observer_node import ObserverNode, build
 from shake_ros.settings import load_table, load_variant
@@ -54,7 +54,7 @@ class Bench:
         self.commands = self.driver.writer(interface.VALVE_COMMAND)
         self.sensors = [self.driver.writer(topic) for topic in sensors]  # of the columns of `measured` from 1 on
         self.estimates: list[tuple[float, ...]] = []
-        self.driver.reader(interface.ESTIMATE, lambda _stamp, *values: self.estimates.append(values))
+        Reader(self.driver, interface.ESTIMATE, lambda _stamp, *values: self.estimates.append(values))
         self.client = self.driver.node.create_client(SetParameters, "observer/set_parameters")
         self.executor = SingleThreadedExecutor(context=context)
         for one in (self.node.frame.node, self.driver.node):

@@ -14,7 +14,7 @@ from sensor_msgs.msg import JointState
 from shake_ros.page.samples import ROW, Prediction, SampleStore
 from shake_ros.ros import interface, observer_node, reference_node
 from shake_ros.ros.conversions import SECOND, time_message
-from shake_ros.ros.frame import Frame
+from shake_ros.ros.frame import Frame, Reader
 from shake_ros.ros.loop import build_node, ros_context
 from shake_ros.ros.page_node import SampleTap
 
@@ -43,7 +43,7 @@ class Cell:
         self.commands = self.driver.writer(interface.VALVE_COMMAND)
         self.came: dict[str, list[tuple[int, tuple[float, ...]]]] = {"estimate": [], "reference": []}
         for topic in (interface.ESTIMATE, interface.REFERENCE):
-            self.driver.reader(topic, lambda stamp, *v, name=topic.name: self.came[name].append((stamp, v)))
+            Reader(self.driver, topic, lambda stamp, *v, name=topic.name: self.came[name].append((stamp, v)))
         self.store = SampleStore(PERIOD, Prediction(PERIOD / SECOND, None))
         self.tap = SampleTap(context, interface.NAMESPACE, self.store)
         self.executor = SingleThreadedExecutor(context=context)
