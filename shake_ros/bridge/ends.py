@@ -56,7 +56,34 @@ def receive(link: socket.socket) -> tuple[bytes, int, tuple[str, int]] | None:
     return data, time.time_ns(), sender
 
 
-class Host:
+class LinkEnd:
+    """What both ends have: a socket, a shared key (empty for none), a session, and counts of what came.
+
+    Attributes
+    ----------
+    rejected : datagrams that were refused or could not be sent, by reason.
+    """
+
+    def __init__(self, address: str, port: int, key: bytes, clock: Callable[[], float]) -> None:
+        self.key = key
+        self.session: Session | None = None
+        self.rejected: Counter[str] = Counter()
+        self.received = self.sessions = 0
+        self._clock = clock
+        self._socket = udp_socket(address, port)
+
+    def _send(self, data: bytes, to: tuple[str, int]) -> None:
+        try:
+            self._socket.sendto(data, to)
+        except OSError:  # a link that is down or full: the other end's watchdog is what counts
+            self.rejected["unsent"] += 1
+
+    def close(self) -> None:
+        """Give the socket back."""
+        self._socket.close()
+
+
+class Host(LinkEnd):
     """One link to one target.
 
     Parameters
@@ -70,19 +97,12 @@ class Host:
     def __init__(
         self, address: str, port: int, local_address: str, key: bytes, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        self._clock = clock
         self.target = (numeric(address), port)
-        self.key = key
-        self.session: Session | None = None
-        self.rejected: Counter[str] = Counter()  # by reason
-        self.received = 0
-        self.lost = 0
-        self.late = 0
-        self.sessions = 0
+        super().__init__(local_address, 0, key, clock)
+        self.lost = self.late = 0
         self._nonce = b""
         self._asked = -HELLO_PERIOD
         self._heard = 0.0
-        self._socket = udp_socket(local_address, 0)
 
     def receive(self, timeout: float) -> tuple[wire.TableDatagram, int] | None:
         """The next new measurement and when it arrived [ns, wall clock]; None after `timeout` [s] without one."""
@@ -110,7 +130,7 @@ class Host:
             if not self._nonce:
                 self._nonce = secrets.token_bytes(wire.NONCE_SIZE)
             self._asked = now
-            self._send(wire.hello(self.key, self._nonce))
+            self._send(wire.hello(self.key, self._nonce), self.target)
 
     def _take(self, data: bytes, sender: tuple[str, int]) -> wire.TableDatagram | None:
         if not data and not sender[0]:
@@ -152,24 +172,14 @@ class Host:
         session = self.session
         if session is not None:
             message = wire.Command(session.number, session.next_sequence(), answers, u, mode, flags)
-            self._send(wire.command(session.key, message))
-
-    def _send(self, data: bytes) -> None:
-        try:
-            self._socket.sendto(data, self.target)
-        except OSError:  # a link that is down or full: the other end's watchdog is what counts
-            self.rejected["unsent"] += 1
-
-    def close(self) -> None:
-        """Give the socket back."""
-        self._socket.close()
+            self._send(wire.command(session.key, message), self.target)
 
 
 MOST_OFFERED = 4  # sessions that were offered and have not begun
 BUSY = 0.1  # [s] after its newest command a session is not given up for another
 
 
-class TargetLink:
+class TargetLink(LinkEnd):
     """One socket, one session at a time.
 
     Parameters
@@ -180,16 +190,10 @@ class TargetLink:
     """
 
     def __init__(self, address: str, port: int, key: bytes, clock: Callable[[], float] = time.monotonic) -> None:
-        self._clock = clock
-        self.key = key
-        self.session: Session | None = None
+        super().__init__(address, port, key, clock)
         self.peer: tuple[str, int] = ("", 0)
-        self.rejected: Counter[str] = Counter()  # by reason
-        self.received = 0
-        self.sessions = 0
         self._offered: OrderedDict[int, tuple[Session, bytes, bytes]] = OrderedDict()
         self._heard = -BUSY
-        self._socket = udp_socket(address, port)
         self.address: tuple[str, int] = self._socket.getsockname()
 
     def commands(self) -> list[tuple[wire.Command, int]]:
@@ -262,13 +266,3 @@ class TargetLink:
         message = wire.TableDatagram(session.number, session.next_sequence(), *fields)  # type: ignore[arg-type]
         self._send(wire.measurement(session.key, message), self.peer)
         return message.sequence
-
-    def _send(self, data: bytes, to: tuple[str, int]) -> None:
-        try:
-            self._socket.sendto(data, to)
-        except OSError:  # a link that is down or full
-            self.rejected["unsent"] += 1
-
-    def close(self) -> None:
-        """Give the socket back."""
-        self._socket.close()

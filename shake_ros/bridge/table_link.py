@@ -104,11 +104,7 @@ class BridgeParameters(Parameters):
         valve = Valve.from_mapping(mapping["valve"], f"{where}: valve")
         if valve.sign == 0:
             raise ShakeError(f"{where}: valve.sign = 0")
-        rest = {key: value for key, value in mapping.items() if key not in ("channels", "valve")}
-        try:
-            return cls(**rest, channels=channels, valve=valve)
-        except ShakeError as error:
-            raise type(error)(f"{where}: {error}") from None
+        return super().from_mapping({**mapping, "channels": channels, "valve": valve}, where)
 
 
 BUCKET = SECOND // 10  # [ns]

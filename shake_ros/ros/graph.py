@@ -38,6 +38,7 @@ POLL = 0.02  # [s]
 GRACE = 10.0  # a node may take so long [s] to end after SIGINT
 ROOT = Path(__file__).resolve().parents[2]
 STACK = 40  # last lines of a node that does not end, with the stacks of its threads
+Value = bool | int | float | str  # of a ROS parameter
 LEADER = "plant"  # its end is the end of a run
 CLOCKED = ("reference_generator",)  # keep a time of their own in real time, and read nothing then
 RECORDER = "recorder"
@@ -70,7 +71,7 @@ class NodeSpec:
     """
 
     executable: str
-    parameters: Mapping[str, bool | int | float | str] = field(default_factory=dict)
+    parameters: Mapping[str, Value] = field(default_factory=dict)
     reads: tuple[str, ...] = ()
     remaps: Mapping[str, str] = field(default_factory=dict)
     name: str = ""
@@ -81,7 +82,7 @@ class NodeSpec:
         """Its name in the graph."""
         return self.name or self.executable
 
-    def arguments(self, namespace: str, extra: Mapping[str, bool | int | float | str]) -> list[str]:
+    def arguments(self, namespace: str, extra: Mapping[str, Value]) -> list[str]:
         """ROS arguments of this node."""
         given = ["--ros-args", "-r", f"__ns:={namespace}"]
         if self.name:
@@ -93,7 +94,7 @@ class NodeSpec:
         return given
 
 
-def _yaml(value: bool | int | float | str) -> str:
+def _yaml(value: Value) -> str:
     """A parameter value as rcl reads it: YAML, texts quoted so that `1` and `true` stay texts."""
     if isinstance(value, bool):
         return "true" if value else "false"
@@ -154,9 +155,9 @@ class Graph:
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
         self._logs: dict[str, IO[bytes]] = {}
 
-    def extra(self, node: NodeSpec) -> dict[str, bool | int | float | str]:
+    def extra(self, node: NodeSpec) -> dict[str, Value]:
         """Parameters that every node of this graph gets; what keeps the time waits until all the others are there."""
-        common: dict[str, bool | int | float | str] = {"lockstep": self.lockstep}
+        common: dict[str, Value] = {"lockstep": self.lockstep}
         if node.executable == LEADER or (node.executable in CLOCKED and not self.lockstep):
             common["wait_for"] = awaited(self.nodes, self.lockstep)
         clocked = any(one.executable in CLOCKED for one in self.nodes)

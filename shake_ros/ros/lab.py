@@ -17,13 +17,12 @@ from pathlib import Path
 from shake_ros.core.quantities import ShakeError
 from shake_ros.page.desk import Exchange
 from shake_ros.ros.exclusive_writer import ExclusiveWriter
-from shake_ros.ros.graph import Graph, NodeSpec, awaited, command
+from shake_ros.ros.graph import Graph, NodeSpec, Value, awaited, command
 from shake_ros.ros.graph_client import LiveGraph
 from shake_ros.ros.interface import ESTIMATE, JOINT_STATES, NAMESPACE, REFERENCE, VALVE_COMMAND
 from shake_ros.ros.loop import ros_context
 from shake_ros.ros.supervisor import Supervisor, begin
 
-Value = bool | int | float | str
 LOOP = "loop"  # the process of a composed graph
 ENOUGH = 4  # processors for five nodes with priority and a page beside
 LOOP_TOPICS = (JOINT_STATES, REFERENCE, ESTIMATE, VALVE_COMMAND)

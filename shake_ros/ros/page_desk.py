@@ -329,11 +329,10 @@ class PageDesk:
             content = read_yaml(find(kind, str(self.remote.value(kind, kind))))
             if kind == "observer" and "model" not in content:
                 content = read_yaml(find(kind, "model"))
-            tuned = Path(path).with_name(f"{kind}_{content['kind']}.yaml") if "/" in path else Path(path)
+            tuned = Path(path).with_name(f"{kind}_{content['kind']}.yaml")
             if "/" not in path:
-                folder = self._library.folder.parent / "uploads"
-                folder.mkdir(parents=True, exist_ok=True)
-                tuned = folder / f"{kind}_{content['kind']}_{path}.yaml"
+                tuned = self._library.folder.parent / "uploads" / f"{kind}_{content['kind']}_{path}.yaml"
+                tuned.parent.mkdir(parents=True, exist_ok=True)
             tuned.write_text(yaml.safe_dump({**content, "model": path}, sort_keys=False), encoding="utf-8")
         answer = self.ask("set", node=kind, name=kind, value=str(tuned)).result(60.0)
         if not answer.done:
