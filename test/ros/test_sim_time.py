@@ -49,7 +49,7 @@ def test_stamps_and_times_of_receipt_are_those_of_the_clock(ros_domain, tmp_path
             assert time.monotonic() < deadline
             writer.send(START + 3 * MS)
             executor.spin_once(timeout_sec=0.02)
-        assert node._clock.now() == START + 3 * MS  # type: ignore[attr-defined]
+        assert node.receipt(0) == START + 3 * MS  # type: ignore[attr-defined]
         executor.shutdown()
         node.finish()
         node.frame.close()
