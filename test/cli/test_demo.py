@@ -137,7 +137,7 @@ def test_demo_replaces_an_earlier_demo_and_nothing_else(
 def test_recorded_runs_have_sensor_noise_of_their_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     experiment = pytest.importorskip("shake_ros.ros.graph")
     seeds = []
-    monkeypatch.setattr(experiment, "record", lambda given, *rest: seeds.append(given.seed))
+    monkeypatch.setattr(experiment, "record", lambda _, **how: seeds.append(how["seed"]))
     with contextlib.redirect_stderr(io.StringIO()), Progress("test") as bar:
         for seed in (1, 2):
             for name in ("excitation", "earthquake", "earthquake_again"):
@@ -149,7 +149,7 @@ def test_found_table_is_handed_over_wherever_the_demo_is_started(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     experiment = pytest.importorskip("shake_ros.ros.graph")
-    monkeypatch.setattr(experiment, "record", lambda *_: None)
+    monkeypatch.setattr(experiment, "record", lambda *_, **__: None)
     monkeypatch.chdir(tmp_path)
     work, found = tmp_path / "work", Path("out/found.yaml")
     work.mkdir()
