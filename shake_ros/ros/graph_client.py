@@ -19,6 +19,7 @@ from shake_ros.ros.diagnostics import ERROR, LEVELS
 from shake_ros.ros.interface import DIAGNOSTICS, ENABLE, SERVICES, VALVE_COMMAND
 
 TABLES = ("plant", "hardware_bridge")
+EVENTS = ("interlock", "fault", "release")  # parts of a node that report what has just happened
 POLL = 0.05  # [s]
 ANSWER = 120.0  # a node that compiles what it is given answers within [s]
 SILENT = 15.0  # a node that has not reported for so long is lost [s]
@@ -30,7 +31,7 @@ class Report:
     """What /diagnostics says of a node or of a part of it.
 
     node : full name, without the first slash.
-    part : its executable; "interlock" or "fault" for what has just happened.
+    part : its executable, or one of EVENTS.
     level, message : as published.
     values : by key.
     heard : when it arrived, on the monotonic clock [s].
@@ -128,9 +129,9 @@ class LiveGraph(GraphClient):
 
     def _on_report(self, message: DiagnosticArray) -> None:
         for report in reports_in(message, self.space):
-            if report.part == "interlock":
-                self.trips += [report.message] if report.level == ERROR else []
-            elif report.part != "fault":
+            if report.part == "interlock" and report.level == ERROR:
+                self.trips.append(report.message)
+            elif report.part not in EVENTS:
                 self.reports[report.part] = self.reports[report.node] = report
 
     @property
