@@ -155,10 +155,11 @@ class PageDesk:
 
     def _records(self) -> bool:
         """Whether the recorder has said that it gets the table's commands."""
-        report = self._nodes.get("recorder", {"heard": 0.0})
+        report = self._nodes.get("recorder")
+        if report is None or not self._recording or report.heard <= self._recording_asked:
+            return False
         counts = f"{interface.VALVE_COMMAND.name}.count"
-        newer = bool(self._recording) and report["heard"] > self._recording_asked
-        return newer and any(name.endswith(counts) and value != "0" for name, value in report["values"].items())
+        return any(name.endswith(counts) and value != "0" for name, value in report.values.items())
 
     def _look_at_spectrum(self) -> None:
         now = time.monotonic()
