@@ -36,9 +36,9 @@ def close_loop(
     validation : recordings that decide whether an effect is added.
     test : recordings that no decision uses; the result has the errors of every model on them.
     settings : thresholds of the search, where not those of config/discovery/search.yaml.
-    tune : design observer and controller for the found table as well, see `sr.tune`; of the full model.
-    minutes : after which it ends with the best answer so far; a fifth of them is kept for the verdicts.
-        Ctrl-C ends it as well; a second one interrupts.
+    tune : design observer and controller for the found table as well, as `sr.tune` does; of the full model.
+    minutes : end after so many minutes with the best answer so far; a fifth of them is kept for the verdicts. Ctrl-C
+        ends it as well; a second one interrupts.
     progress : show it, or a function to call with what is being done and the part done.
 
     Raises

@@ -246,7 +246,7 @@ def record_scale(
     path: str | Path,
     table: str | TableParameters = "bergamo",
     *,
-    scale: float | str = 1.0,
+    scale: str | float = 1.0,
     fit: bool = False,
     channel: int = 0,
     unit: str = "",
@@ -262,12 +262,17 @@ def record_scale(
     Parameters
     ----------
     path : an accelerogram.
-    table : whose envelope is used, by name, file or object.
-    scale : factor on the acceleration; "fill" for as much as the table allows [-].
-    fit : reduce a factor that does not fit to the one that does, instead of refusing it.
-    channel, unit : as in `accelerogram`.
-    stroke, velocity, acceleration : in place of the table's limits [m], [m/s], [m/s²].
-    time_scale, high_pass, low_pass : in place of those of config/reference/earthquake.yaml [-], [Hz], [Hz].
+    table : whose envelope is used: a name of config/table, a YAML file, or a table.
+    scale : factor on the acceleration, or "fill": as large as the table allows [-].
+    fit : reduce a factor that does not fit to the largest that does, instead of refusing it.
+    channel : of a file that has several, from 1; 0: it holds one.
+    unit : m/s2, cm/s2 or g, of a file that does not name its own.
+    stroke : largest displacement from the middle; that of the table where not given [m].
+    velocity : largest velocity; that of the table where not given [m/s].
+    acceleration : largest acceleration; that of the table where not given [m/s²].
+    time_scale : factor on the time, below 1 is faster; that of config/reference/earthquake.yaml where not given [-].
+    high_pass : lower end of the band, 0 for none; that of the same file where not given [Hz].
+    low_pass : upper end of the band, 0 for none; that of the same file where not given [Hz].
 
     Raises
     ------

@@ -179,11 +179,12 @@ def acceleration_spectra(
     Parameters
     ----------
     source : a recording with acceleration, an accelerogram, the path of one, or a simulation.
-    damping : ξ, one or several [-].
-    low, high : ends of the band; `high` is 100 Hz, or 0.45 of the sampling rate where that is lower [Hz].
-    per_octave : frequencies of an octave.
-    subtract_mean : whether the record's mean is taken off first, as a sensor's offset.
-    band_limited : takes the record as a sensor's band-limited samples instead of straight lines between them, which at
+    damping : damping ratios ξ, one or several [-].
+    low : lowest frequency [Hz].
+    high : highest frequency; 100 Hz, or 0.45 of the sampling rate where that is lower, if not given [Hz].
+    per_octave : frequencies in each octave.
+    subtract_mean : subtract the mean first, as a sensor's offset.
+    band_limited : take the record as a sensor's band-limited samples instead of straight lines between them, which at
         0.1 of the sampling rate are 3 % too low and at 0.4 a third; it begins and ends at rest then.
 
     Raises

@@ -95,8 +95,9 @@ def thd(
     source : a recording, its path, or a simulation.
     frequency : fundamental, or near it; that of the reference or, without one, of the valve command where not given. It
         is fitted to the acceleration, within 1 % and two lines of the spectrum, for its clock may be another [Hz].
-    harmonics : orders to fit; all below half the sampling rate where not given.
-    start, stop : part of the recording; the one in which the excitation keeps its amplitude where not given [s].
+    harmonics : orders to fit and to print; all below half the sampling rate where not given, of which 15 are printed.
+    start : of the segment that is used; the one in which the excitation keeps its amplitude where not given [s].
+    stop : end of that segment [s].
 
     Raises
     ------
@@ -254,7 +255,7 @@ def frequency_response(
     input : "valve_command", "reference" or "force".
     output : "position" or "acceleration".
     window : length of a window; its inverse parts the lines [s].
-    at : frequencies of the table; 0.5 … 20 Hz as far as there are lines where not given [Hz].
+    at : frequencies of the table; 0.5 … 20 Hz, as far as there are lines, where not given [Hz].
 
     Raises
     ------
@@ -374,7 +375,7 @@ def multisine_split(
     Parameters
     ----------
     source : a recording, its path, or a simulation.
-    period : found in the command where not given [s].
+    period : length of a period; found in the command where not given [s].
     channel : "acceleration" or "position".
     skip : periods left out at the start; one where two remain if not given.
 

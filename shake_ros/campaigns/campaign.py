@@ -298,10 +298,10 @@ def campaign(
     out : folder of the rows, new or of the same study.
     engine : address of a Dask scheduler, tls://HOST:PORT, or tcp://HOST:PORT on this machine; without one, processes of
         this machine.
-    workers : how many of them, by default one for each core.
+    workers : processes on this machine; one for each core where not given.
     changes : other values of the study's names.
-    minutes : after which no further row is begun; 0 runs none.
-    retry : run the rows again that failed.
+    minutes : begin no row after so many minutes; 0 runs none.
+    retry : run failed rows again.
     progress : whether to show it, or a function to call with it.
 
     Raises

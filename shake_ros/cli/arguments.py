@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import inspect
 import json
 import shlex
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TypedDict
+from types import UnionType
+from typing import Any, get_args, get_origin
 
 from shake_ros.api.fitted import check_apart
 from shake_ros.api.live_table import LiveTable
@@ -30,15 +32,8 @@ from shake_ros.report.chart import FORMATS
 CHOSEN = ("joint", "publishers", "covariance", "clock")  # kinds of findings on what was read in place of what
 
 
-class Reporting(TypedDict):
-    """Arguments of a result's `report`."""
-
-    figures: str | None
-    command: str
-
-
 class CommandLine(argparse.ArgumentParser):
-    """The command line of one command, with the options that several have.
+    """The command line of one command: the options of its verb, and those that several commands have.
 
     Parameters
     ----------
@@ -52,6 +47,41 @@ class CommandLine(argparse.ArgumentParser):
         super().__init__(
             name, description=description, epilog=method, formatter_class=argparse.RawDescriptionHelpFormatter
         )
+        self._of_verb: list[str] = []
+
+    def add_verb(self, verb: Callable[..., Any], *left_out: str, **renamed: str) -> None:
+        """An option for each parameter with a default, of the type of its annotation, explained by the docstring.
+
+        Parameters
+        ----------
+        verb : whose parameters these are. What a line of text cannot give has no option.
+        left_out : parameters without an option.
+        renamed : options by parameter, where their names differ.
+        """
+        texts = parameter_texts(verb)
+        for name, parameter in inspect.signature(verb, eval_str=True).parameters.items():
+            form = _form(parameter.annotation)
+            if parameter.default is parameter.empty or form is None or name in left_out:
+                continue
+            word = renamed.get(name, name)
+            if "type" in form:
+                form.setdefault("metavar", word.upper())
+            text = texts[name].removesuffix(".").replace(" [-]", "").replace("%", "%%")
+            default = parameter.default
+            text += _default_text(default)
+            self.add_argument(f"--{word.replace('_', '-')}", dest=name, default=default, help=text, **form)
+            self._of_verb.append(name)
+
+    def options(self, given: argparse.Namespace) -> dict[str, Any]:
+        """What the verb is called with, by parameter."""
+        found = {name: getattr(given, name) for name in self._of_verb}
+        return {**found, "set": changes(given)} if "set" in found else found
+
+    def read(self, arguments: Sequence[str]) -> argparse.Namespace:
+        """The arguments; `line` among them is the whole command line, for a report."""
+        given = self.parse_args(arguments)
+        given.line = shlex.join(["./shake", self.prog, *map(str, arguments)])
+        return given
 
     def add_folder(self, text: str) -> None:
         """The options --out and --force of a result folder."""
@@ -61,6 +91,11 @@ class CommandLine(argparse.ArgumentParser):
     def add_figures(self) -> None:
         """The option --figures."""
         self.add_argument("--figures", choices=FORMATS, help="also write the report's charts as files")
+
+    def add_recordings(self, **more: Any) -> None:
+        """The recordings that are read, BAG, and the option --take."""
+        self.add_argument("bags", metavar="BAG", type=Path, **more)
+        self.add_take()
 
     def add_take(self) -> None:
         """The option --take."""
@@ -73,14 +108,9 @@ class CommandLine(argparse.ArgumentParser):
             "number of a publisher, as joint_states=x_axis; repeatable",
         )
 
-    def add_set(self, text: str, metavar: str = "KEY=VALUE") -> None:
+    def add_set(self, text: str) -> None:
         """The option --set, which may be repeated."""
-        self.add_argument("--set", nargs="+", action="extend", default=[], metavar=metavar, help=text)
-
-    def add_config(self, folder: str) -> None:
-        """The option --config, a file of a folder of config/."""
-        text = f"config/{folder}/NAME.yaml or a file (default: default)"
-        self.add_argument("--config", default="default", metavar="NAME", help=text)
+        self.add_argument("--set", help=text, nargs="+", action="extend", metavar="KEY=VALUE")
 
     def add_live(self) -> None:
         """The options --live and --namespace."""
@@ -90,9 +120,60 @@ class CommandLine(argparse.ArgumentParser):
         )
 
 
-def reporting(name: str, given: argparse.Namespace, arguments: Sequence[str]) -> Reporting:
-    """Arguments of `report`."""
-    return {"figures": given.figures, "command": shlex.join(["./shake", name, *map(str, arguments)])}
+def _form(annotation: Any) -> dict[str, Any] | None:
+    """How a parser takes values of a type; None where a line of text cannot give them."""
+    kinds = get_args(annotation) if isinstance(annotation, UnionType) else (annotation,)
+    if str in kinds:
+        return {"type": str}
+    for kind, metavar in ((int, "N"), (float, "X")):
+        if kind in kinds:
+            return {"type": kind, "metavar": metavar}
+    if kinds == (bool,):
+        return {"action": "store_true"}
+    for kind in kinds:
+        if get_origin(kind) is Mapping:
+            return {"action": "extend", "nargs": "+", "metavar": "KEY=VALUE"}
+        if get_origin(kind) is Sequence:
+            form = _form(get_args(kind)[0])
+            return form and {**form, "nargs": "+"}
+    return None
+
+
+def _default_text(default: Any) -> str:
+    values = default if isinstance(default, tuple) else (default,)
+    text = ", ".join(f"{value:g}" if isinstance(value, float) else str(value) for value in values)
+    return f" (default: {text})" if text not in ("", "None", "False") else ""
+
+
+def parameter_texts(verb: Callable[..., Any]) -> dict[str, str]:
+    """What the section Parameters of a docstring says of each parameter."""
+    section = (inspect.getdoc(verb) or "").partition("Parameters\n----------\n")[2].partition("\n\n")[0]
+    texts, names = dict[str, str](), list[str]()
+    for line in section.splitlines():
+        if line.startswith(" "):
+            texts |= {name: f"{texts[name]} {line.strip()}" for name in names}
+        else:
+            head, _, text = line.partition(" : ")
+            names = head.split(", ")
+            texts |= dict.fromkeys(names, text)
+    return texts
+
+
+def changes(given: argparse.Namespace) -> dict[str, float]:
+    """Names and values that --set changes."""
+    found = {}
+    for text in given.set or ():
+        key, _, value = text.partition("=")
+        try:
+            found[key] = float(value)
+        except ValueError:
+            raise ShakeError(f"--set {text}: expected KEY=NUMBER") from None
+    return found
+
+
+def reporting(given: argparse.Namespace) -> dict[str, Any]:
+    """What a result's `report` takes beside its folder."""
+    return {"figures": given.figures, "command": given.line}
 
 
 def taken(given: argparse.Namespace) -> dict[str, list[str | int]]:
@@ -171,18 +252,6 @@ def read_set(given: argparse.Namespace, bags: Sequence[Path]) -> Recordings:
     found = read(*bags, take=taken(given))
     for finding in found.findings:
         print(finding, file=sys.stderr)
-    return found
-
-
-def changes(given: argparse.Namespace) -> dict[str, float]:
-    """Names and values that --set changes."""
-    found = {}
-    for text in given.set:
-        key, _, value = text.partition("=")
-        try:
-            found[key] = float(value)
-        except ValueError:
-            raise ShakeError(f"--set {text}: expected KEY=NUMBER") from None
     return found
 
 

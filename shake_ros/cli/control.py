@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import shlex
+import argparse
 import sys
 import time
 from collections.abc import Sequence
@@ -25,8 +25,8 @@ The gains of one CONTROLLER minimise (6.42) over loads and perturbed tables. Wit
 made for a table that was found: several laws side by side, sound on its neighbours."""
 
 
-def tune_parser() -> CommandLine:
-    """The command line."""
+def tune_command(arguments: Sequence[str]) -> int:
+    """Run the command; returns its exit code."""
     p = CommandLine("tune", TUNE_METHOD)
     p.add_argument(
         "controller",
@@ -59,39 +59,33 @@ def tune_parser() -> CommandLine:
     )
     p.add_argument("--evaluations", type=int, metavar="N", help="sets of gains that are tried, at most")
     p.add_argument("--force", action="store_true", help="overwrite PATH; with --table, also write gains that oscillate")
-    return p
-
-
-def tune_command(arguments: Sequence[str]) -> int:
-    """Run the command; returns its exit code."""
-    options = vars(tune_parser().parse_args(arguments))
-    out, force = options.pop("out"), options.pop("force")
-    table, laws = options.pop("table"), options.pop("laws")
-    if (table is None) == (options["controller"] is None):
+    given = p.read(arguments)
+    changes = ("loads", "references", "observer", "model", "perturbed", "evaluations")
+    options = {name: getattr(given, name) for name in changes if getattr(given, name) is not None}
+    if (given.table is None) == (given.controller is None):
         raise ShakeError("tune: give either a CONTROLLER or --table TABLE")
-    if table is not None:
-        return for_table(table, laws, options, out, force)
-    if laws:
+    if given.table is not None:
+        for name in options:
+            raise ShakeError(f"--{name}: not with --table, see config/robust_tuning")
+        return for_table(given)
+    if given.laws:
         raise ShakeError("--laws: only with --table")
-    check_target(out, force)
-    found = tune(**options)
-    found.write(out, f"./shake tune {shlex.join(arguments)}", force)
+    check_target(given.out, given.force)
+    found = tune(given.controller, given.settings, **options)
+    found.write(given.out, given.line, given.force)
     print(found)
-    print(f"written: {out}")
+    print(f"written: {given.out}")
     return 0
 
 
-def for_table(table: str, laws: Sequence[str] | None, options: dict[str, Any], out: Path, force: bool) -> int:
+def for_table(given: argparse.Namespace) -> int:
     """Observer and controller for a table."""
-    settings = options.pop("settings")
-    given = [name for name, value in options.items() if value is not None]
-    if given:
-        raise ShakeError(f"--{given[0]}: not with --table, see config/robust_tuning")
-    refuse_existing(*(out / name for name in FILES), force=force)
-    found = tune_table(table, settings, laws=tuple(laws or LAWS))
+    targets = [given.out / name for name in FILES]
+    refuse_existing(*targets, force=given.force)
+    found = tune_table(given.table, given.settings, laws=tuple(given.laws or LAWS))
     print(found)
-    found.write(out, force)
-    print(f"written: {', '.join(str(out / name) for name in FILES)}")
+    found.write(given.out, given.force)
+    print(f"written: {', '.join(map(str, targets))}")
     return 0
 
 
@@ -99,18 +93,13 @@ def compare_command(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
     p = CommandLine("compare")
     p.add_folder("result folder")
-    p.add_argument("--quick", action="store_true", help="two references, one load, four perturbed tables")
-    p.add_argument("--settings", default="default", metavar="NAME", help="config/compare/NAME.yaml or a file")
-    p.add_argument(
-        "--record", nargs="+", default=(), metavar="FILE", help="accelerograms in place of the synthetic earthquakes"
-    )
-    p.add_argument("--only", nargs="+", metavar="LABEL", help="only these controllers of the settings")
+    p.add_verb(compare, "changes", records="record")
     p.add_figures()
-    given = p.parse_args(arguments)
+    given = p.read(arguments)
     refuse_existing(given.out, force=given.force)
     began, spent = time.monotonic(), time.process_time()
-    found = compare(given.settings, quick=given.quick, records=given.record, only=given.only)
-    found.report(given.out, given.force, **reporting("compare", given, arguments))
+    found = compare(**p.options(given))
+    found.report(given.out, given.force, **reporting(given))
     wall, processor = time.monotonic() - began, time.process_time() - spent
     print(found)
     print(f"{len(found.outcomes)} loops in {wall:.0f} s, {processor:.0f} s of processor time")
@@ -130,25 +119,26 @@ def campaign_command(arguments: Sequence[str]) -> int:
     p.add_argument(
         "--out", type=Path, required=True, metavar="DIR", help="folder of the rows; an existing one is continued"
     )
-    p.add_set("values of the study to replace, in YAML", "NAME=VALUE")
-    p.add_argument("--workers", type=int, metavar="N", help="processes on this machine (default: one for each core)")
     p.add_argument(
-        "--engine", metavar="ADDRESS", help="a Dask scheduler: tls://HOST:PORT, or tcp://HOST:PORT on this machine"
+        "--set",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="NAME=VALUE",
+        help="values of the study to replace, in YAML",
     )
-    p.add_argument("--minutes", type=float, metavar="M", help="begin no row after M minutes; 0: only the report")
-    p.add_argument("--retry", action="store_true", help="run failed rows again")
+    p.add_verb(campaign, "changes")
     p.add_argument("--compare", type=Path, metavar="OTHER", help="folder of an older campaign of the same study")
     p.add_figures()
-    given = p.parse_args(arguments)
+    given = p.read(arguments)
     if given.minutes is not None and not 0.0 <= given.minutes < float("inf"):
         raise ShakeError(f"--minutes {given.minutes:g}: must be 0 or more")
-    options = {name: getattr(given, name) for name in ("engine", "workers", "minutes", "retry")}
     try:
-        found = campaign(given.study, given.out, changes=changes_of(given.set), **options)
+        found = campaign(given.study, given.out, changes=changes_of(given.set), **p.options(given))
     except KeyboardInterrupt:
         print(f"stopped; finished rows are in {given.out}, and the same command continues", file=sys.stderr)
         raise
-    page = found.report(given.compare, **reporting("campaign", given, arguments))
+    page = found.report(given.compare, **reporting(given))
     print(found)
     print(f"report: {page}")
     return 1 if found.failed else 0

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -49,29 +48,19 @@ def shown(text: str) -> bool:
 def commission_command(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
     p = CommandLine("commission", COMMISSION_METHOD)
-    p.add_argument("--table", default="bergamo", help="the table as it is declared (default: bergamo)")
-    p.add_set("where the simulated table differs")
     p.add_folder("folder for table, gains and evidence")
-    p.add_config("commission")
-    p.add_argument("--delay", type=int, default=1, help="samples by which a command acts late (default: 1)")
+    p.add_verb(commission, settings="config")
     p.add_live()
     p.add_argument("--yes", action="store_true", help="release every step, for scripts")
-    given = p.parse_args(arguments)
+    given = p.read(arguments)
     if given.delay < 0:
         raise ShakeError(f"--delay {given.delay}: samples, 0 or more")
     check_folder(given.out, given.force)
     with live(given) as table:
-        found = commission(
-            given.table,
-            set=changes(given),
-            settings=given.config,
-            delay=given.delay,
-            live=table,
-            release=shown if given.yes else asked,
-        )
+        found = commission(**p.options(given), live=table, release=shown if given.yes else asked)
     print(found.frame)
     if found.steps:
-        found.report(given.out, given.force, f"./shake commission {shlex.join(arguments)}")
+        found.report(given.out, given.force, given.line)
         print(f"written: {given.out}")
     if not found.complete:
         print(f"ended: {found.reason}", file=sys.stderr)
@@ -91,14 +80,13 @@ config/identification/full.yaml and those of the named effects; DIR gets model.y
 observer's configurations name as their model for the next run."""
 
 
-def iterate_parser() -> CommandLine:
-    """The command line."""
+def iterate_command(arguments: Sequence[str]) -> int:
+    """Run the command; returns its exit code."""
     p = CommandLine("iterate", ITERATE_METHOD)
-    p.add_argument("bags", nargs="*", metavar="BAG", type=Path)
-    p.add_take()
+    p.add_recordings(nargs="*")
     p.add_argument("--wanted", required=True, metavar="REFERENCE", help="the motion that the table should make")
     p.add_folder("folder of the report and of the next drive or model")
-    p.add_config("iteration")
+    p.add_verb(iterate, "model", "refit", settings="config")
     p.add_argument("--simulate", type=int, metavar="N", help="make at most N runs on the simulated table")
     p.add_argument("--table", default="bergamo", help="with --simulate: the table (default: bergamo)")
     p.add_set("with --simulate: change it")
@@ -114,18 +102,20 @@ def iterate_parser() -> CommandLine:
         "--refit", nargs="*", metavar="EFFECT", help="fit --model, with these effects, instead of correcting the drive"
     )
     p.add_figures()
-    return p
-
-
-def iterate_command(arguments: Sequence[str]) -> int:
-    """Run the command; returns its exit code."""
-    given = iterate_parser().parse_args(arguments)
+    given = p.read(arguments)
     if bool(given.bags) == (given.simulate is not None):
         raise ShakeError("give either recordings or --simulate N")
-    result = _from_recordings(given) if given.simulate is None else _simulated(given)
-    result.report(given.out, given.force, **reporting("iterate", given, arguments))
+    how = {name: getattr(given, name) for name in ("settings", "model", "refit")}
     if given.simulate is not None:
+        result = _simulated(given, how)
+        result.report(given.out, given.force, **reporting(given))
         return _report_iteration(result)
+    runs = read(*given.bags, take=taken(given))
+    if given.refit is not None:
+        for finding in runs[-1:].findings:
+            print(finding, file=sys.stderr)
+    result = iterate(given.wanted, runs, **how)
+    result.report(given.out, given.force, **reporting(given))
     for path, error in zip(given.bags, result.missed, strict=True):
         print(f"{path}: acceleration missed by {100.0 * error:.2f} % within the band")
     if result.factor < 1.0:
@@ -153,25 +143,14 @@ def _report_iteration(result: Iterated) -> int:
     return 1
 
 
-def _from_recordings(given: argparse.Namespace) -> Iterated:
-    runs = read(*given.bags, take=taken(given))
-    if given.refit is not None:
-        for finding in runs[-1:].findings:
-            print(finding, file=sys.stderr)
-    return iterate(given.wanted, runs, settings=given.config, model=given.model, refit=given.refit)
+def _simulated(given: argparse.Namespace, how: Mapping[str, Any]) -> Iterated:
+    def shown(text: str, _: float) -> None:
+        print(text)
 
-
-def _simulated(given: argparse.Namespace) -> Iterated:
     table = SimulatedTable(
-        given.table,
-        given.observer,
-        given.controller,
-        given.delay,
-        progress=lambda text, _: print(text),
-        changes=changes(given),
+        given.table, given.observer, given.controller, given.delay, progress=shown, changes=changes(given)
     )
-    more = {"settings": given.config, "model": given.model, "refit": given.refit}
-    result = iterate_simulated(given.wanted, table, runs=given.simulate, **more)
+    result = iterate_simulated(given.wanted, table, runs=given.simulate, **how)
     best = f"run {result.best + 1}, which missed {100.0 * result.missed[result.best]:.2f} % within the band"
     print(f"{result.reason}; the best is {best}")
     return result
@@ -186,24 +165,15 @@ the test: at the prompt, or by --acknowledge NAME. DIR gets certificate.html, ce
 and the recordings with their SHA-256. Exit code 1 where the test did not pass, with the reason on the last line."""
 
 
-def qualify_parser() -> CommandLine:
-    """The command line."""
+def qualify_command(arguments: Sequence[str]) -> int:
+    """Run the command; returns its exit code."""
     p = CommandLine("qualify", QUALIFY_METHOD)
     p.add_argument("required", nargs="?", metavar="RRS", help="required spectrum: a known name or a YAML file")
-    p.add_argument("--table", default="bergamo", help="the simulated table (default: bergamo)")
-    p.add_set("change a value of it")
-    p.add_argument("--model", help="identified table of the feedforward (default: --table as it is declared)")
     p.add_argument("--out", type=Path, metavar="DIR", help="folder for the certificate and the recordings")
-    p.add_argument("--scale", type=float, default=1.0, help="factor on the required levels (default: 1)")
-    p.add_argument("--rules", help="rules to apply, instead of the one that RRS names")
+    p.add_verb(qualify, "record", "refit", settings="config")
     p.add_argument("--record", metavar="FILE", help="accelerogram to start from, instead of random phases")
     p.add_argument("--channel", type=int, default=0, help="its component, from 1, if it has several")
     p.add_argument("--refit", nargs="*", metavar="EFFECT", help="fit --model, with these effects, between the runs")
-    p.add_argument("--runs", type=int, help="most runs (default: of config/qualification)")
-    p.add_argument("--seed", type=int, default=0, help="of phases and sensor noise (default: 0)")
-    p.add_argument("--delay", type=int, default=0, help="samples by which a command acts late (default: 0)")
-    p.add_argument("--specimen", default="", help="what is tested, for the certificate")
-    p.add_config("qualification")
     p.add_argument(
         "--sequence",
         metavar="PLAN",
@@ -216,36 +186,29 @@ def qualify_parser() -> CommandLine:
         "--from", dest="source", type=Path, metavar="DIR", help="check the recordings of a certificate again"
     )
     p.add_argument("--force", action="store_true", help="replace an existing DIR")
-    return p
-
-
-def qualify_command(arguments: Sequence[str]) -> int:
-    """Run the command; returns its exit code."""
-    given = qualify_parser().parse_args(arguments)
+    given = p.read(arguments)
     if (given.required is None) == (given.source is None):
         raise ShakeError("give either a required spectrum or --from DIR")
     if given.source is not None:
         return _again(given.source)
     if given.out is None:
         raise ShakeError("give --out DIR, the folder for the certificate")
-    if given.sequence is not None:
-        return _sequence(given)
-    return _test(given)
+    options = {**p.options(given), "progress": lambda text, _: print(text)}
+    return _test(given, options) if given.sequence is None else _sequence(given, options)
 
 
-def _test(given: argparse.Namespace) -> int:
+def _test(given: argparse.Namespace, options: Mapping[str, Any]) -> int:
     """One test and its certificate."""
     check_folder(given.out, given.force)
     try:
         with live(given) as table:
             result = qualify(
                 given.required,
-                given.table,
                 record=None if given.record is None else accelerogram(given.record, given.channel),
                 refit=given.refit,
                 live=table,
                 release=lambda state: released_by(state, given.acknowledge or given.acknowledge_all),
-                **_asked(given),
+                **options,
             )
     except NotReleasedError as error:
         print(f"{error}; --acknowledge NAME names the person who releases it", file=sys.stderr)
@@ -265,23 +228,7 @@ def _test(given: argparse.Namespace) -> int:
     return 1
 
 
-def _asked(given: argparse.Namespace) -> dict[str, Any]:
-    """What a test and a sequence of tests are both asked with."""
-    return {
-        "model": given.model,
-        "rules": given.rules,
-        "scale": given.scale,
-        "set": changes(given),
-        "settings": given.config,
-        "runs": given.runs,
-        "seed": given.seed,
-        "delay": given.delay,
-        "specimen": given.specimen,
-        "progress": lambda text, _: print(text),
-    }
-
-
-def _sequence(given: argparse.Namespace) -> int:
+def _sequence(given: argparse.Namespace, options: Mapping[str, Any]) -> int:
     """The tests of a sequence that can be run now."""
     if given.record is not None or given.refit is not None:
         raise ShakeError("--sequence cannot be combined with --record and --refit")
@@ -297,15 +244,7 @@ def _sequence(given: argparse.Namespace) -> int:
         return input("released by (empty: stop here): ").strip() if asked else names.pop() if names else ""
 
     with live(given) as table:
-        found = qualify_sequence(
-            given.required,
-            given.out,
-            acknowledge,
-            given.table,
-            plan=given.sequence,
-            live=table,
-            **_asked(given),
-        )
+        found = qualify_sequence(given.required, given.out, acknowledge, plan=given.sequence, live=table, **options)
     return _report_sequence(found, given.out)
 
 

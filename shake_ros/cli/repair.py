@@ -14,7 +14,7 @@ import numpy as np
 
 from shake_ros.api.close_loop import close_loop
 from shake_ros.api.discovery import Discovery
-from shake_ros.api.identify import METHODS, identify
+from shake_ros.api.identify import identify
 from shake_ros.api.import_csv import OF_SECOND, SIGNALS, import_csv, import_proposal
 from shake_ros.api.live_table import InterlockHeldError
 from shake_ros.api.progress import Progress
@@ -158,11 +158,13 @@ def table_command(arguments: Sequence[str]) -> int:
     command.add_argument("--single-rod", action="store_true", help="the rod is on side B alone: unequal areas")
     command.add_argument("--out", type=Path, required=True, metavar="FILE", help="YAML file to write")
     command.add_argument("--force", action="store_true", help="replace an existing file")
-    given = vars(command.parse_args(arguments))
-    values = {name.replace("-", "_"): factor for name, factor, _ in OPTIONS}
-    numbers = {name: given[name] * factor for name, factor in values.items() if given[name] is not None}
-    made = table(single_rod=given["single_rod"], **numbers)
-    path = made.save(given["out"], given["force"])
+    given = command.parse_args(arguments)
+    factors = {name.replace("-", "_"): factor for name, factor, _ in OPTIONS}
+    values = {name: getattr(given, name) for name in factors}
+    made = table(
+        single_rod=given.single_rod, **{n: factors[n] * value for n, value in values.items() if value is not None}
+    )
+    path = made.save(given.out, given.force)
     print("\n".join([*(f"assumed: {line}" for line in made.assumed), f"table: {path}"]))
     return 0
 
@@ -172,15 +174,10 @@ def identify_command(arguments: Sequence[str]) -> int:
     command = CommandLine("identify")
     add_data(command, ("estimation",))
     add_declared(command)
-    command.add_argument(
-        "--method",
-        choices=METHODS,
-        default="free_run",
-        help="what is fitted: the error of the free run, or (model axis) that of the force (default: free_run)",
-    )
-    given = command.parse_args(arguments)
-    result = identify(*inputs(given), method=given.method)
-    result.report(given.out, given.force, **reporting("identify", given, arguments))
+    command.add_verb(identify)
+    given = command.read(arguments)
+    result = identify(*inputs(given), **command.options(given))
+    result.report(given.out, given.force, **reporting(given))
     print(result.parameters, f"error of the free run:\n{result.error}", sep="\n")
     print("\n".join([*identified_lines(result.identified_estimates, result.data), *diagnosis_lines(result.diagnosis)]))
     if result.slow_changes.rows:
@@ -194,15 +191,7 @@ def close_loop_command(arguments: Sequence[str]) -> int:
     command = CommandLine("close_loop")
     add_data(command, ("estimation", "validation"))
     add_declared(command)
-    command.add_argument(
-        "--tune", action="store_true", help="make controller.yaml and observer.yaml for the table found"
-    )
-    command.add_argument(
-        "--minutes",
-        type=float,
-        metavar="N",
-        help="end after N minutes with the best answer so far; a fifth of them is kept for the verdicts",
-    )
+    command.add_verb(close_loop)
     command.add_argument(
         "--test", type=Path, nargs="+", default=[], metavar="BAG", help="recordings that no decision uses: test data"
     )
@@ -219,7 +208,7 @@ def close_loop_command(arguments: Sequence[str]) -> int:
         "--most", type=int, default=2, metavar="N", help="with --live: make at most N recordings (default: 2)"
     )
     command.add_argument("--acknowledge", default="", metavar="NAME", help="with --live: who releases every motion")
-    given = command.parse_args(arguments)
+    given = command.read(arguments)
     if given.interlock and not given.next:
         raise ShakeError("--interlock: is for --next")
     if given.live and (not given.next or given.interlock):
@@ -233,13 +222,8 @@ def close_loop_command(arguments: Sequence[str]) -> int:
     with live(given) as table:  # what will be moved in the end must be there and enabled now
         if table is not None:
             table.check()
-    found = close_loop(
-        *inputs(given),
-        test=read_set(given, given.test),
-        minutes=given.minutes,
-        tune=given.tune,
-    )
-    found.report(given.out, given.force, **reporting("close_loop", given, arguments))
+    found = close_loop(*inputs(given), test=read_set(given, given.test), **command.options(given))
+    found.report(given.out, given.force, **reporting(given))
     text = list[str]()
     with found.failures.step("text"):
         text.extend(discovery_lines(found, given.force))
@@ -247,7 +231,7 @@ def close_loop_command(arguments: Sequence[str]) -> int:
     answers = [found]
     if given.live:
         with found.failures.step("next recording"):
-            decide_live(answers, given, arguments)
+            decide_live(answers, given)
     elif given.next:
         with found.failures.step("next recording"):
             asked = next_recording(found, interlock=given.interlock)
@@ -260,7 +244,7 @@ def close_loop_command(arguments: Sequence[str]) -> int:
     return 1 if failures else 0
 
 
-def decide_live(answers: list[Discovery], given: argparse.Namespace, arguments: Sequence[str]) -> None:
+def decide_live(answers: list[Discovery], given: argparse.Namespace) -> None:
     """Play what settles open questions on the table of the running graph, record it, and decide again.
 
     Each further answer is reported before the table moves again, and added to the answers.
@@ -291,7 +275,7 @@ def decide_live(answers: list[Discovery], given: argparse.Namespace, arguments: 
 
         def keep(more: Discovery) -> None:
             answers.append(more)
-            out = more.report(given.out / "decided", force=True, **reporting("close_loop", given, arguments))
+            out = more.report(given.out / "decided", force=True, **reporting(given))
             print("\n".join([*discovery_lines(more, given.force), f"report: {out}"]), flush=True)
 
         table.check()
@@ -354,13 +338,13 @@ def follow_command(arguments: Sequence[str]) -> int:
     )
     p.add_argument("--table", required=True, metavar="FILE", help="table.yaml of close_loop, or a name of config/table")
     p.add_folder("folder of the report")
-    p.add_config("twin")
+    p.add_verb(follow, settings="config")
     p.add_take()
     p.add_figures()
-    given = p.parse_args(arguments)
+    given = p.read(arguments)
     check_folder(given.out, given.force)
-    found = follow(read(*given.recordings, take=taken(given)), given.table, settings=given.config)
-    found.report(given.out, given.force, **reporting("follow", given, arguments))
+    found = follow(read(*given.recordings, take=taken(given)), given.table, **p.options(given))
+    found.report(given.out, given.force, **reporting(given))
     print("\n".join(found.lines))
     print(f"report: {given.out / 'report.html'}")
     return 0

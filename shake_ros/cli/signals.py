@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from shake_ros.api.record_scale import YAML, ScaledRecord, accelerogram, band_of, record_scale, treatment
-from shake_ros.api.response_spectrum import DAMPING, HIGH, LOW, PER_OCTAVE, acceleration_spectra
-from shake_ros.api.signals import INPUTS, OUTPUTS, WINDOW, frequency_response, multisine_split, thd
-from shake_ros.api.signals import UNITS as CHANNELS
-from shake_ros.cli.arguments import CommandLine, Reporting, reporting, source
+from shake_ros.api.record_scale import YAML, accelerogram, band_of, record_scale, treatment
+from shake_ros.api.response_spectrum import acceleration_spectra
+from shake_ros.api.signals import frequency_response, multisine_split, thd
+from shake_ros.cli.arguments import CommandLine, reporting, source
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data.accelerograms.accelerogram import UNITS
 from shake_ros.data.result_folder import refuse_existing, writing
 from shake_ros.report.page import write_page
 
@@ -25,15 +23,10 @@ Amplitudes come from a least-squares fit of all harmonics below half the samplin
 def thd_command(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
     p = CommandLine("thd", THD_METHOD)
-    p.add_argument("bags", nargs="+", metavar="BAG", type=Path)
-    p.add_take()
-    p.add_argument("--frequency", type=float, help="fundamental [Hz] (default: found)")
-    p.add_argument("--harmonics", type=int, metavar="N", help="orders to fit and to print (default: all, 15 printed)")
-    p.add_argument("--start", type=float, metavar="T", help="start of the segment that is used [s]")
-    p.add_argument("--stop", type=float, metavar="T", help="end of the segment that is used [s]")
-    given = p.parse_args(arguments)
-    found = [thd(source(bag, given), given.frequency, given.harmonics, given.start, given.stop) for bag in given.bags]
-    print("\n\n".join(map(repr, found)))
+    p.add_recordings(nargs="+")
+    p.add_verb(thd)
+    given = p.read(arguments)
+    print("\n\n".join(repr(thd(source(bag, given), **p.options(given))) for bag in given.bags))
     return 0
 
 
@@ -45,38 +38,19 @@ for straight lines between the samples; the free vibration after the accelerogra
 def spectrum_command(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
     p = CommandLine("spectrum", SPECTRUM_METHOD)
-    p.add_argument("bags", nargs="+", metavar="BAG", type=Path)
-    p.add_take()
+    p.add_recordings(nargs="+")
     p.add_argument("--channel", type=int, default=0, help="component of an accelerogram that has several, from 1")
-    p.add_argument(
-        "--damping", type=float, nargs="+", default=list(DAMPING), metavar="XI", help="damping ratios (default: 0.05)"
-    )
-    p.add_argument("--low", type=float, default=LOW, metavar="HZ", help=f"lowest frequency (default: {LOW:g})")
-    p.add_argument(
-        "--high", type=float, metavar="HZ", help=f"highest (default: {HIGH:g}, or 0.45 of the sampling rate if lower)"
-    )
-    p.add_argument(
-        "--per-octave",
-        type=int,
-        default=PER_OCTAVE,
-        metavar="N",
-        help=f"frequencies in each octave (default: {PER_OCTAVE})",
-    )
-    p.add_argument("--subtract-mean", action="store_true", help="subtract the mean first (a sensor's offset)")
-    p.add_argument(
-        "--band-limited", action="store_true", help="band-limited instead of straight lines: exact to 0.45 of the rate"
-    )
+    p.add_verb(acceleration_spectra)
     p.add_argument("--out", type=Path, metavar="FILE.csv", help="write the columns of one recording")
     p.add_argument("--force", action="store_true", help="replace an existing file")
-    given = p.parse_args(arguments)
+    given = p.read(arguments)
     if given.out is not None:
         if len(given.bags) > 1 or given.out.suffix != ".csv":
             raise ShakeError(f"--out {given.out}: give one recording and a name that ends in .csv")
         refuse_existing(given.out, force=given.force)
-    band, how = (given.damping, given.low, given.high, given.per_octave), (given.subtract_mean, given.band_limited)
-    given_of = [source(bag, given) for bag in given.bags]
-    read = [accelerogram(s, given.channel) if isinstance(s, Path) else s for s in given_of]
-    found = [acceleration_spectra(each, *band, *how) for each in read]
+    sources = [source(bag, given) for bag in given.bags]
+    read = [accelerogram(s, given.channel) if isinstance(s, Path) else s for s in sources]
+    found = [acceleration_spectra(each, **p.options(given)) for each in read]
     print("\n\n".join(map(repr, found)))
     if given.out is not None:
         found[0].write(given.out, given.force)
@@ -87,21 +61,17 @@ def spectrum_command(arguments: Sequence[str]) -> int:
 def frequency_response_command(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
     p = CommandLine("frequency_response")
-    p.add_argument("bag", metavar="BAG", type=Path)
-    p.add_take()
-    p.add_argument("--input", choices=tuple(INPUTS), default="valve_command")
-    p.add_argument("--output", choices=tuple(OUTPUTS), default="position")
-    p.add_argument("--window", type=float, default=WINDOW, metavar="T", help=f"window [s] (default: {WINDOW:g})")
-    p.add_argument("--at", type=float, nargs="+", metavar="HZ", help="frequencies of the table (default: 0.5 … 20 Hz)")
+    p.add_recordings()
+    p.add_verb(frequency_response)
     p.add_argument("--out", type=Path, metavar="DIR", help="folder for report.json and report.html with the plot")
     p.add_argument("--force", action="store_true", help="replace an existing result folder")
     p.add_figures()
-    given = p.parse_args(arguments)
+    given = p.read(arguments)
     if given.out is not None:
         refuse_existing(given.out, force=given.force)
-    found = frequency_response(source(given.bag, given), given.input, given.output, given.window, given.at)
+    found = frequency_response(source(given.bags, given), **p.options(given))
     if given.out is not None:
-        found.report(given.out, given.force, **reporting("frequency_response", given, arguments))
+        found.report(given.out, given.force, **reporting(given))
     print(found)
     if given.out is not None:
         print(f"report: {given.out / 'report.html'}")
@@ -117,17 +87,14 @@ excited, and the odd part is known only where some odd lines are left out (grid:
 def multisine_split_command(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
     p = CommandLine("multisine_split", MULTISINE_SPLIT_METHOD)
-    p.add_argument("bag", metavar="BAG", type=Path)
-    p.add_take()
-    p.add_argument("--period", type=float, metavar="T", help="length of a period [s] (default: found)")
-    p.add_argument("--channel", choices=tuple(CHANNELS), default="acceleration")
-    p.add_argument("--skip", type=int, metavar="N", help="periods left out at the start")
+    p.add_recordings()
+    p.add_verb(multisine_split)
     p.add_argument("--plot", type=Path, metavar="PNG", help="also draw the lines")
     p.add_argument("--force", action="store_true", help="replace an existing figure")
-    given = p.parse_args(arguments)
+    given = p.read(arguments)
     if given.plot is not None:
         refuse_existing(given.plot, force=given.force)
-    found = multisine_split(source(given.bag, given), given.period, given.channel, given.skip)
+    found = multisine_split(source(given.bags, given), **p.options(given))
     if given.plot is not None:
         with writing():
             found.plot().savefig(given.plot, dpi=110, format="png")
@@ -143,26 +110,11 @@ over a pad before and after the record, and two smooth polynomials take out what
 starts and stops at rest in its middle."""
 
 
-def record_scale_parser() -> CommandLine:
-    """The command line."""
-    usual, _ = treatment()
-    p = CommandLine("record_scale", RECORD_SCALE_METHOD.format(band=band_of(usual)))
+def record_scale_command(arguments: Sequence[str]) -> int:
+    """Run the command; returns its exit code."""
+    p = CommandLine("record_scale", RECORD_SCALE_METHOD.format(band=band_of(treatment()[0])))
     p.add_argument("files", nargs="+", metavar="FILE", type=Path)
-    p.add_argument("--table", default="bergamo", help="table whose envelope is used: a name or a YAML file")
-    p.add_argument("--stroke", type=float, help="largest displacement from the middle [m] (default: from the table)")
-    p.add_argument("--velocity", type=float, help="largest velocity [m/s] (default: from the table)")
-    p.add_argument("--acceleration", type=float, help="largest acceleration [m/s²] (default: from the table)")
-    p.add_argument("--channel", type=int, default=0, help="channel of a file that has several, from 1")
-    p.add_argument("--unit", default="", choices=("", *UNITS), help="unit of a file that does not name one")
-    p.add_argument("--scale", default="1", help="factor on the acceleration, or 'fill' = as large as the table allows")
-    p.add_argument(
-        "--fit",
-        action="store_true",
-        help="if --scale does not fit, the largest that fits (refused without this option)",
-    )
-    p.add_argument("--time-scale", type=float, help="factor on the time, below 1 = faster")
-    for option, end, value in (("--high-pass", "lower", usual.high_pass), ("--low-pass", "upper", usual.low_pass)):
-        p.add_argument(option, type=float, help=f"{end} end of the band [Hz], 0 = none (default: {value:g})")
+    p.add_verb(record_scale)
     p.add_argument(
         "--out",
         type=Path,
@@ -171,32 +123,18 @@ def record_scale_parser() -> CommandLine:
     )
     p.add_argument("--force", action="store_true", help="replace existing files")
     p.add_figures()
-    return p
-
-
-def record_scale_command(arguments: Sequence[str]) -> int:
-    """Run the command; returns its exit code."""
-    given = record_scale_parser().parse_args(arguments)
-    how = reporting("record_scale", given, arguments)
-    options = vars(given).copy()
-    del options["figures"]
-    files, out, force = options.pop("files"), options.pop("out"), options.pop("force")
-    outputs = targets(files, out, force) if out else []
-    done = [record_scale(file, **options) for file in files]
+    given = p.read(arguments)
+    outputs = targets(given.files, given.out, given.force) if given.out else []
+    done = [record_scale(file, **p.options(given)) for file in given.files]
     for item in done:
         print(item)
     for item, path in zip(done if outputs else [], outputs, strict=True):
-        write(item, path, how)
+        item.write(path)
+        print(f"written: {path}")
+        with writing():
+            write_page(item.page(given.line), path.parent, given.figures, path.stem)
+        print(f"report: {path.with_suffix('.html')}")
     return 0
-
-
-def write(item: ScaledRecord, path: Path, how: Reporting) -> None:
-    """Write a result and its page."""
-    item.write(path)
-    print(f"written: {path}")
-    with writing():
-        write_page(item.page(how["command"]), path.parent, how["figures"], path.stem)
-    print(f"report: {path.with_suffix('.html')}")
 
 
 def targets(files: Sequence[Path], out: Path, force: bool) -> list[Path]:

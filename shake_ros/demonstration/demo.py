@@ -136,7 +136,7 @@ def demo(
     ----------
     out : result folder; an earlier demo's is replaced.
     seed : chooses the hidden effect and the table's own values.
-    hidden : hide this effect instead.
+    hidden : hide this effect instead of the one that the seed chooses.
     figures, command : as of `Discovery.report`.
     progress : show it, or a function to call with it.
 
@@ -420,16 +420,14 @@ def demo_page(found: DemoResult, summary: Mapping[str, Any], command: str = "") 
 def demo_command(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
     command = CommandLine("demo")
-    command.add_argument("--out", type=Path, default=Path("out/demo"), metavar="DIR", help="result folder")
-    command.add_argument("--seed", type=int, default=1, help="chooses the hidden effect and the table's own values")
-    command.add_argument("--hidden", metavar="EFFECT", help="hide this effect instead of the one the seed chooses")
+    command.add_verb(demo, "figures", "command")
     command.add_figures()
-    given = command.parse_args(arguments)
+    given = command.read(arguments)
     try:
-        result = demo(given.out, seed=given.seed, hidden=given.hidden, **reporting("demo", given, arguments))
+        result = demo(**command.options(given), **reporting(given))
     except RuntimeError as error:  # a node of the graph died or is stuck
         print(f"shake_ros demo: {error}", file=sys.stderr)
         return 1
     print(result, end="")
-    print(f"report: {given.out / 'report.html'}")
+    print(f"report: {Path(given.out) / 'report.html'}")
     return 0

@@ -169,7 +169,7 @@ def measured_runs(
     ----------
     runs : amplitudes, a name of config/measured or a YAML file.
     extend : extensions of config/measured/variants.yaml to fit, or "all".
-    second : to try on top of the best.
+    second : extensions to try on top of the best, or "all".
     progress : whether to show it, or a function to call with it.
 
     Raises

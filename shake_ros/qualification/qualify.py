@@ -127,14 +127,15 @@ def qualify(
     Parameters
     ----------
     required : a name of config/required_spectra, a YAML file, or a spectrum.
-    scale : of its levels [-].
+    scale : factor on the required levels [-].
     table : the simulated table.
-    set : values to change in it, by dotted name or its last part.
+    set : values to change in the simulated table, by dotted name or its last part.
     model : the identified table of the feedforward and the observer; the table as declared where not given.
     rules : a name of config/qualification_rules or a file; the spectrum's own where not given.
+    settings : config/qualification/NAME.yaml or a file.
     record : accelerogram to start from, or its file, in place of random phases.
     refit : fit the model, with these effects, to each run that does not pass, instead of correcting the drive.
-    runs : most runs.
+    runs : most runs; those of the settings where not given.
     seed : of the phases and the sensors' noise.
     delay : samples by which a command acts late.
     specimen : what is tested, for the certificate.

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from shake_ros.cli.arguments import CommandLine, add_data, read_data, reporting
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.result_folder import check_folder, refuse_existing, writing
-from shake_ros.measured.runs import ALL as ALL_VARIANTS
-from shake_ros.measured.runs import DEFAULT_RUNS, THESIS_EXTENSION, measured_runs
+from shake_ros.measured.runs import measured_runs
 from shake_ros.thesis.figures import FIGURES, figures, known_figures
 from shake_ros.thesis.reproduce import ALL, EXPERIMENTS, known_experiments, reproduce
 from shake_ros.thesis.schedule import schedule
@@ -35,12 +34,11 @@ def figures_command(arguments: Sequence[str]) -> int:
 def sensitivity_command(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
     p = CommandLine("sensitivity")
-    p.add_argument("--study", default="thesis", metavar="NAME", help="config/sensitivity/NAME.yaml or a file")
-    p.add_argument("--table", help="another table than the study's")
+    p.add_verb(sensitivity)
     p.add_folder("folder for the figures and sensitivity.json")
     given = p.parse_args(arguments)
     check_free(given.out, given.force)
-    found = sensitivity(given.study, given.table)
+    found = sensitivity(**p.options(given))
     found.report(given.out, given.force)
     print(found)
     print(f"written: {given.out}")
@@ -54,11 +52,11 @@ def reproduce_command(arguments: Sequence[str]) -> int:
     p.add_argument("names", nargs="*", default=[ALL], metavar="NAME", help="experiments, or all (default)")
     p.add_folder("folder for index.html, pages and claims")
     p.add_figures()
-    given = p.parse_args(arguments)
+    given = p.read(arguments)
     names = known_experiments(given.names)
     check_folder(given.out, given.force)
     found = reproduce(*names)
-    found.report(given.out, given.force, **reporting("reproduce", given, arguments))
+    found.report(given.out, given.force, **reporting(given))
     print(found)
     print(f"report: {given.out / 'index.html'}")
     return 0
@@ -68,14 +66,14 @@ def schedule_command(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
     p = CommandLine("schedule")
     add_data(p)
-    p.add_config("schedule")
-    given = p.parse_args(arguments)
+    p.add_verb(schedule, settings="config")
+    given = p.read(arguments)
     if bool(given.estimation) != bool(given.validation):
         raise ShakeError("--learn and --hold: both or neither (without them, data are simulated)")
     check_folder(given.out, given.force)
     data = read_data(given) if given.estimation else ()
-    result = schedule(*data, settings=given.config)
-    result.report(given.out, given.force, **reporting("schedule", given, arguments))
+    result = schedule(*data, **p.options(given))
+    result.report(given.out, given.force, **reporting(given))
     print(result)
     print(f"report: {given.out / 'report.html'}")
     return 0
@@ -85,29 +83,12 @@ def measured_runs_command(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
     p = CommandLine("measured_runs")
     p.add_folder("folder for the report, tables and the fit")
-    p.add_argument(
-        "--runs", default=DEFAULT_RUNS, metavar="FILE", help="amplitudes: a name of config/measured or a YAML file"
-    )
-    p.add_argument(
-        "--extend",
-        nargs="+",
-        default=[THESIS_EXTENSION],
-        metavar="NAME",
-        help=f"extensions of the declared model to fit, of config/measured/variants.yaml, or {ALL_VARIANTS} "
-        f"(default: {THESIS_EXTENSION})",
-    )
-    p.add_argument(
-        "--second",
-        nargs="+",
-        default=[],
-        metavar="NAME",
-        help=f"extensions to try on top of the best, or {ALL_VARIANTS}",
-    )
+    p.add_verb(measured_runs)
     p.add_figures()
-    given = p.parse_args(arguments)
+    given = p.read(arguments)
     check_folder(given.out, given.force)
-    found = measured_runs(given.runs, given.extend, given.second)
-    found.report(given.out, given.force, **reporting("measured_runs", given, arguments))
+    found = measured_runs(**p.options(given))
+    found.report(given.out, given.force, **reporting(given))
     print(found)
     print(f"report: {given.out / 'report.html'}")
     return 0

@@ -63,8 +63,8 @@ def run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
         monkeypatch.setattr(repair, "write_next", lambda _, out: series.designed.append(out.relative_to(tmp_path)))
         monkeypatch.setattr(repair, "live", lambda given: contextlib.nullcontext(table))
         given = argparse.Namespace(out=tmp_path / "out", acknowledge=acknowledge, most=2, minutes=None, force=False)
-        given.figures = None
-        repair.decide_live([Answer()], given, [])
+        given.figures, given.line = None, ""
+        repair.decide_live([Answer()], given)
         return series, given.out / "recordings"
 
     return call

@@ -119,12 +119,20 @@ def test_what_a_design_asks_for_is_released_played_recorded_and_decided_upon(ros
     found, out = Answer(), tmp_path / "out"
     found.report(out)
     given = Namespace(
-        live=True, namespace="/shake", out=out, acknowledge="me", most=2, minutes=None, force=False, figures=None
+        live=True,
+        namespace="/shake",
+        out=out,
+        acknowledge="me",
+        most=2,
+        minutes=None,
+        force=False,
+        figures=None,
+        line="",
     )
     with Started("--headless", "--lockstep", "--composed", "--enabled", *QUICK, "--folder", str(tmp_path)) as started:
         started.wait_for("running: loop")
         answers = [found]
-        repair.decide_live(answers, given, [])
+        repair.decide_live(answers, given)
         assert started.end() == 0
     assert answers == [found, found]
     (run,) = found.recordings[0]
