@@ -12,7 +12,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from shake_ros.api.response_spectrum import ResponseSpectrum, response_spectrum
+from shake_ros.api.response_spectrum import ResponseSpectrum, response_spectrum, spectrum_chart
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import Parameters, ShakeError, quantity
 from shake_ros.core.reference.baseline import integrate
@@ -23,15 +23,13 @@ from shake_ros.data.accelerograms import read_accelerogram
 from shake_ros.data.accelerograms.accelerogram import Accelerogram
 from shake_ros.data.reference_file import load_reference
 from shake_ros.data.result_folder import writing
-from shake_ros.report.chart import static_figure
+from shake_ros.report.chart import CURVES, Chart, ChartSeries, Panel, static_figure
+from shake_ros.report.page import Made, Page
 from shake_ros.report.result_table import ResultTable
 from shake_ros.settings import find, load_table, read_yaml
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from shake_ros.report.page import Page
-    from shake_ros.report.signal_pages import Curve
 
 FILL = "fill"
 LARGEST_FACTOR = 1e4
@@ -85,29 +83,62 @@ class ScaledRecord:
 
     def spectrum(self) -> ResponseSpectrum:
         """Response spectrum of the motion for the table."""
-        step, damping = self.fitted.time_step, self.scale.spectrum_damping
-        return response_spectrum(self.fitted.acceleration, self.scale.periods, damping, step)
+        return self._spectrum(self.fitted.acceleration, self.fitted.time_step)
+
+    def _spectrum(self, acceleration: NDArray[np.float64], step: float) -> ResponseSpectrum:
+        return response_spectrum(acceleration, self.scale.periods, self.scale.spectrum_damping, step)
 
     def plot(self) -> Figure:
         """Histories of the record and of the motion for the table."""
-        from shake_ros.report.signal_pages import record_chart
+        return static_figure(self._history())
 
-        return static_figure(record_chart("motion", self._curves()))
-
-    def _curves(self) -> list[Curve]:
-        from shake_ros.report.signal_pages import Curve
-
-        fitted, read = self.fitted, self.read
+    def _history(self) -> Chart:
+        """Acceleration, velocity and displacement, as recorded and for the table, on one time axis."""
+        read, fitted = self.read, self.fitted
         pad = (fitted.acceleration.size - read.acceleration.size) / 2 * fitted.time_step
-        before = Curve("as recorded", pad, read.time_step, read.acceleration)
-        return [before, Curve(f"for the table, factor {fitted.factor:.3g}", 0.0, fitted.time_step, fitted.acceleration)]
+        step = min(read.time_step, fitted.time_step)
+        begin = min(pad, 0.0)
+        end = max(
+            pad + read.time_step * (read.acceleration.size - 1), fitted.time_step * (fitted.acceleration.size - 1)
+        )
+        time = begin + np.arange(round((end - begin) / step) + 1) * step
+
+        def motion(acceleration: NDArray[np.float64], step: float, start: float) -> list[NDArray[np.float64]]:
+            own = start + np.arange(acceleration.size) * step
+            signals = (acceleration, *integrate(acceleration, step))
+            return [np.interp(time, own, s, left=np.nan, right=np.nan) for s in signals]
+
+        before, after = (
+            motion(read.acceleration, read.time_step, pad),
+            motion(fitted.acceleration, fitted.time_step, 0.0),
+        )
+        panels = tuple(
+            Panel(
+                f"{name} [{unit}]",
+                time,
+                (ChartSeries("as recorded", scale * was, CURVES[0]), ChartSeries(self._label, scale * now, CURVES[1])),
+            )
+            for (name, unit, scale), was, now in zip(READ, before, after, strict=True)
+        )
+        return Chart("motion", "time [s]", panels, "The motion as recorded and as played")
+
+    @property
+    def _label(self) -> str:
+        return f"for the table, factor {self.fitted.factor:.3g}"
 
     def page(self, command: str = "") -> Page:
         """What was changed, histories and response spectra; `command` is the line that the page names as its origin."""
-        from shake_ros.report.signal_pages import record_page
-
-        title, spectrum = f"{self.path.name}: {self.read.name}", (self.scale.periods, self.scale.spectrum_damping)
-        return record_page(title, self.changes, self.table, self._curves(), *spectrum, command)
+        page = Page("An accelerogram for the table", f"{self.path.name}: {self.read.name}", Made(command))
+        page.heading("What was changed")
+        for change in self.changes:
+            page.paragraph(change)
+        page.result(self.table)
+        page.heading("The motion")
+        page.chart(self._history())
+        page.heading("Response spectrum")
+        recorded = self._spectrum(self.read.acceleration, self.read.time_step)
+        page.chart(spectrum_chart({"as recorded": recorded, self._label: self.spectrum()}))
+        return page
 
     @property
     def table(self) -> ResultTable:

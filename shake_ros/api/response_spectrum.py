@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,7 +18,7 @@ from shake_ros.core.quantities import ShakeError
 from shake_ros.data.accelerograms import read_accelerogram
 from shake_ros.data.accelerograms.accelerogram import Accelerogram
 from shake_ros.data.result_folder import refuse_existing, writing
-from shake_ros.report.chart import static_figure
+from shake_ros.report.chart import COLOURS, CURVES, Chart, ChartSeries, Panel, new_figure, static_figure, tidy
 from shake_ros.report.result_table import ResultTable
 
 if TYPE_CHECKING:
@@ -61,10 +61,23 @@ class ResponseSpectrum:
 
     def plot(self) -> Figure:
         """Absolute acceleration and relative displacement over the period."""
-        from shake_ros.report.signal_pages import spectrum_chart
+        return static_figure(spectrum_chart({self.name: self}))
 
-        spectra = {self.name: (self.periods, self.displacement, self.acceleration)}
-        return static_figure(spectrum_chart("spectrum", spectra, self.damping))
+
+def spectrum_chart(spectra: Mapping[str, ResponseSpectrum]) -> Chart:
+    """Absolute acceleration and relative displacement of spectra over the same periods, by label."""
+    first = next(iter(spectra.values()))
+    curves = list(zip(spectra.items(), CURVES, strict=False))
+    felt = tuple(ChartSeries(label, s.acceleration, colour) for (label, s), colour in curves)
+    moved = tuple(ChartSeries(label, 1e3 * s.displacement, colour) for (label, s), colour in curves)
+    panels = (
+        Panel("acceleration [m/s²]", first.periods, felt, height=220),
+        Panel("displacement [mm]", first.periods, moved, height=150),
+    )
+    caption = (
+        f"Response spectrum at {100.0 * first.damping:g} % damping: absolute acceleration and relative displacement"
+    )
+    return Chart("spectrum", "period [s]", panels, caption, log_x=True)
 
 
 @dataclass(frozen=True, repr=False)
@@ -105,8 +118,6 @@ class AccelerationSpectra:
 
     def plot(self) -> Figure:
         """Acceleration over the frequency, a curve a damping."""
-        from shake_ros.report.chart import COLOURS, new_figure, tidy
-
         figure = new_figure(8.0, 4.5)
         axes = figure.subplots()
         for found, damping, colour in zip(self.acceleration, self.damping, COLOURS * 4, strict=False):

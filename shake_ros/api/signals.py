@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shake_ros.api.read import Source, naming, one_recording
-from shake_ros.core.analysis.frequency_response import FrequencyResponse
+from shake_ros.core.analysis.frequency_response import COHERENT, FrequencyResponse
 from shake_ros.core.analysis.frequency_response import frequency_response as estimate
 from shake_ros.core.analysis.multisine_split import MultisineSplit, repeated_period
 from shake_ros.core.analysis.multisine_split import multisine_split as split_response
@@ -23,14 +23,12 @@ from shake_ros.core.analysis.thd import harmonics as harmonics_of
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.recordings import TableRecording
 from shake_ros.data.result_folder import new_folder, write_json
-from shake_ros.report.chart import static_figure
-from shake_ros.report.page import write_page
+from shake_ros.report.chart import COLOURS, GREY, Chart, ChartSeries, Panel, new_figure, static_figure, tidy
+from shake_ros.report.page import Made, Page, write_page
 from shake_ros.report.result_table import ResultTable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from shake_ros.report.chart import Chart
 
 SHOWN = 15
 ANOTHER_CLOCK = 20.0  # parts in a million, from which a frequency is said to be another
@@ -214,15 +212,33 @@ class RecordedResponse:
         return static_figure(self._chart())
 
     def _chart(self) -> Chart:
-        from shake_ros.report.signal_pages import response_chart
-
-        highest = min(2.0 * max(row[0] for row in self.rows), float(self.found.frequency[-1]))
-        return response_chart(self.found, highest, self.unit)
+        """Up to twice the highest frequency asked for; gain and delay on coherent lines."""
+        found, highest = self.found, min(2.0 * max(row[0] for row in self.rows), float(self.found.frequency[-1]))
+        shown = found.frequency <= highest
+        good = shown & (found.coherence >= COHERENT)
+        frequency, gain, spread = found.frequency[good], found.gain[good], 2.0 * found.deviation[good]
+        gains = (
+            ChartSeries("− two deviations", gain * (1.0 - spread), "grey"),
+            ChartSeries("+ two deviations", gain * (1.0 + spread), "grey"),
+            ChartSeries("gain", gain, "after", width=1.6),
+        )
+        delay = ChartSeries("delay", 1e3 * found.delay[good], "before")
+        coherence = ChartSeries("coherence", found.coherence[shown], "measured")
+        panels = (
+            Panel(f"gain [{self.unit}]", frequency, gains, log=True),
+            Panel("delay [ms]", frequency, (delay,), height=150),
+            Panel("coherence", found.frequency[shown], (coherence,), height=120),
+        )
+        caption = "Gain with two standard deviations and delay on coherent lines, coherence on all"
+        return Chart("response", "frequency [Hz]", panels, caption, log_x=True)
 
     def report(self, out: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> None:
         """Write report.json and report.html into a new folder; options as of `Discovery.report`."""
-        from shake_ros.report.signal_pages import response_page
-
+        page = Page("Frequency response", f"{self.title}.", Made(command))
+        page.heading("What was found")
+        page.result(self.table)
+        page.heading("Over frequency")
+        page.chart(self._chart())
         lines = {
             "frequency_hz": self.found.frequency.tolist(),
             "gain": self.found.gain.tolist(),
@@ -234,7 +250,7 @@ class RecordedResponse:
         content = {"schema": SCHEMA, "recording": self.name, "gain_unit": self.unit, "at": at, "lines": lines}
         with new_folder(Path(out), force=force) as folder:
             write_json(folder / "report.json", content)
-            write_page(response_page(self.title, self.table, self._chart(), command), folder, figures)
+            write_page(page, folder, figures)
 
     def __repr__(self) -> str:
         return f"{self.title}\n{self.table}"
@@ -338,11 +354,28 @@ class RecordedSplit:
 
     def plot(self) -> Figure:
         """Amplitudes of all lines, by what stands on them."""
-        from shake_ros.report.signal_pages import split_figure
-
-        title = f"{self.name}: {self.channel}, {self.lines.periods} periods of {self.period:g} s"
-        highest = SHOWN_BAND * float(self.lines.frequency[self.lines.excited].max())
-        return split_figure(title, self.lines, UNITS[self.channel], highest)
+        split, figure = self.lines, new_figure(10.0, 5.5)
+        axes = figure.add_subplot()
+        shown = split.frequency <= SHOWN_BAND * float(split.frequency[split.excited].max())
+        amplitude = np.maximum(np.abs(split.response), 1e-12)
+        kinds = (
+            (split.excited, COLOURS[0], "o", "excited lines: linear part with odd distortion"),
+            (~split.odd & ~split.excited, COLOURS[2], "v", "even lines left out: even distortion"),
+            (split.odd & ~split.excited, COLOURS[1], "^", "odd lines left out: odd distortion"),
+        )
+        for chosen, colour, marker, label in kinds:
+            at = shown & chosen
+            if np.any(at):
+                axes.plot(split.frequency[at], amplitude[at], marker, color=colour, markersize=4, label=label)
+        if np.any(np.isfinite(split.noise)):
+            label = "noise (standard dev.)"
+            axes.plot(split.frequency[shown], split.noise[shown], color=GREY, linewidth=0.8, label=label)
+        axes.set_yscale("log")
+        tidy(axes, "frequency [Hz]", f"amplitude of a line [{UNITS[self.channel]}]")
+        axes.legend(loc="upper right", fontsize="small")
+        title = f"{self.name}: {self.channel}, {split.periods} periods of {self.period:g} s"
+        figure.suptitle(title, fontsize="medium")
+        return figure
 
     def __repr__(self) -> str:
         split, parts = self.lines, self.parts

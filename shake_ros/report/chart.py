@@ -182,6 +182,7 @@ def packed(values: Array) -> Any:
 MEASURED, BEFORE, AFTER = "#1d2733", "#c8553d", "#2a7f62"
 COLOURS = ("#1d4e89", "#c8553d", "#2a7f62", "#b8860b", "#6a4c93", "#5b6770")
 """Of curves that are equals."""
+CURVES = ("c5", "c0", "c1", "c2", "c3", "c4")  # the same by name, for curves beside a first one
 GREY = "#9aa5b1"
 GRID = "#e3e8ee"
 COLOUR = {
