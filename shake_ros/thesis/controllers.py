@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from shake_ros.api.compare import Comparison, compare
+from shake_ros.api.compare import Comparison, amplitudes, compare, error_chart, number, response_chart, spectrum_chart
 from shake_ros.api.progress import Progress
 from shake_ros.core.loop.metrics import Metrics, Outcome, mean, over
 from shake_ros.report.chart import Chart
-from shake_ros.report.comparison_page import amplitudes, error_chart, number, response_chart, spectrum_chart
 from shake_ros.thesis.reproduce import Claim, ExperimentReport, Rows, asked_in
 
 LAWS = ("feedforward PI", "sliding mode", "super-twisting")

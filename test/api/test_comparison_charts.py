@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from shake_ros.api.compare import LEAST_SHOWN, amplitudes, spectrum_chart
 from shake_ros.core.control.closed_loop import ClosedLoop
-from shake_ros.report.comparison_page import LEAST_SHOWN, amplitudes, spectrum_chart
 
 DT = 1e-3
 
