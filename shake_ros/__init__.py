@@ -19,7 +19,7 @@ __version__ = "1.1.0"
 PUBLIC = {  # name → module
     "Campaign": "shake_ros.campaigns.campaign",
     "campaign": "shake_ros.campaigns.campaign",
-    "Discovery": "shake_ros.api.discovery",
+    "Discovery": "shake_ros.api.close_loop",
     "close_loop": "shake_ros.api.close_loop",
     "Commission": "shake_ros.commissioning.commission",
     "commission": "shake_ros.commissioning.commission",
@@ -78,10 +78,10 @@ PUBLIC = {  # name → module
 }
 
 if TYPE_CHECKING:  # the same for type checkers and editors
+    from shake_ros.api.close_loop import Discovery as Discovery
     from shake_ros.api.close_loop import close_loop as close_loop
     from shake_ros.api.compare import Comparison as Comparison
     from shake_ros.api.compare import compare as compare
-    from shake_ros.api.discovery import Discovery as Discovery
     from shake_ros.api.identify import Identification as Identification
     from shake_ros.api.identify import identify as identify
     from shake_ros.api.import_csv import import_csv as import_csv

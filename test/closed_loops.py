@@ -20,7 +20,6 @@ from short_tuning import short_tuning
 
 from shake_ros import __main__
 from shake_ros.api import close_loop as close_loop_verb
-from shake_ros.api import discovery
 from shake_ros.api.fitted import fit_data
 from shake_ros.api.read import read
 from shake_ros.api.tune_table import tune_table
@@ -139,7 +138,7 @@ def command(case: str) -> Command:
     with (
         mock.patch.object(closing, "close_loop", kept),
         mock.patch.object(close_loop_verb, "search_settings", return_value=LEAN),
-        mock.patch.object(discovery, "tune_table", functools.partial(tune_table, settings=tuning)),
+        mock.patch.object(close_loop_verb, "tune_table", functools.partial(tune_table, settings=tuning)),
         contextlib.redirect_stdout(output),
         contextlib.redirect_stderr(io.StringIO()),
     ):

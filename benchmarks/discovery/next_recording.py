@@ -22,8 +22,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from benchmarks.discovery import foreign_tables as foreign
 from benchmarks.discovery import hidden_tables as hidden
-from shake_ros.api.close_loop import close_loop
-from shake_ros.api.discovery import Discovery
+from shake_ros.api.close_loop import Discovery, close_loop
 from shake_ros.api.model import model
 from shake_ros.api.read import Recordings, recording
 from shake_ros.core.discovery.verdict import ESTABLISHED, ONE_OF_THESE

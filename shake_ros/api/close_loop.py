@@ -2,18 +2,281 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import zip_longest
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from shake_ros.api import fitted
-from shake_ros.api.discovery import Discovery, completed
-from shake_ros.api.fitted import test_records
+from shake_ros.api.fitted import Effects, FoundEffect, LatentForces, prepared_alike, test_records, with_test
 from shake_ros.api.model import Model
 from shake_ros.api.progress import Ending, Progress, ProgressOption
+from shake_ros.api.tune_table import UNCERTAINTY, TunedTable, tracking, tune_table
+from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.discovery.problem import unstopped
 from shake_ros.core.discovery.search_settings import SearchSettings
+from shake_ros.core.discovery.verdict import ESTABLISHED
 from shake_ros.core.failures import Failures
+from shake_ros.core.identification.axis_model import position_errors
+from shake_ros.core.identification.experiments import Candidate
+from shake_ros.core.identification.nuisances import Prepared
+from shake_ros.core.identification.recording_problem import RecordingProblem
+from shake_ros.core.identification.recordings import Record
+from shake_ros.core.identification.uncertainty import Estimate, known_covariance
+from shake_ros.core.loop.robust import Uncertainty
+from shake_ros.core.loop.trials import TrackingBenefit
+from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
+from shake_ros.core.quantities import ShakeError
+from shake_ros.data.result_folder import new_folder, write_json
+from shake_ros.data.results import (
+    accounts_json,
+    axis_json,
+    chosen_because,
+    close_loop_json,
+    diagnosis_json,
+    failures_json,
+    innovations_json,
+    tracking_json,
+    unknown_json,
+)
 from shake_ros.declared import model_structure, recordings_to_make, search_settings
+from shake_ros.explain.dependence import Remaining
+from shake_ros.explain.diagnosis import Diagnosis, diagnose
+from shake_ros.report.chart import static_figure
+from shake_ros.report.page import write_page
+from shake_ros.report.result_table import ResultTable
+from shake_ros.report.text import error_table
 from shake_ros.search import close_loop as closing
+from shake_ros.search.close_loop import LoopClosure
+from shake_ros.search.continued import continued
+from shake_ros.search.rival_models import RivalModel, problem_of, rival_models
+from shake_ros.settings import save_table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, repr=False)
+class Discovery(fitted.FittedResult):
+    """The declared model, what it was missing, and what remains.
+
+    Attributes
+    ----------
+    model : as declared.
+    closed : models before and after with the steps between them.
+    estimation, validation, test : the gapless segments of the recordings; no decision used those of the last.
+    diagnosis : tests of the residuals, what the recordings identify, and which one would help; None where that failed.
+    tracking : the found table in closed loop under the model before and the model after; None where nothing was added,
+        or where the model has no valve to control.
+    data : the recordings as they were fitted, with the offsets that were removed from them.
+    tuned : observer and controller for the found table, where they were asked for.
+    failures : steps after the first fit that ended in an error, those of `report` as well; the result is without what
+        they would have added.
+    unused : signals of the recordings that no fit uses, such as "pressure_a".
+    """
+
+    model: Model
+    closed: LoopClosure
+    estimation: Sequence[Record]
+    validation: Sequence[Record]
+    diagnosis: Diagnosis | None
+    tracking: TrackingBenefit | None
+    data: Prepared
+    tuned: TunedTable | None = None
+    failures: Failures = field(default_factory=Failures)
+    test: Sequence[Record] = ()
+    unused: tuple[str, ...] = ()
+
+    @property
+    def records(self) -> list[Record]:
+        """The parts of all recordings."""
+        return [*super().records, *self.test]
+
+    @property
+    def final(self) -> FittedModel:
+        """The model with the effects that were found."""
+        return self.closed.final
+
+    @property
+    def compared(self) -> tuple[TableParameters, ...]:
+        """The tables before and after."""
+        return self.closed.baseline.table, self.table
+
+    @property
+    def effects(self) -> Effects:
+        """What was missing."""
+        found = []
+        for step, model, verdict in zip_longest(self.closed.search.steps, self.closed.models, self.closed.verdicts):
+            effect = step.chosen.candidate
+            own = {f.name for f in effect.free}
+            one = FoundEffect(
+                effect.effect,
+                effect.place,
+                tuple(p for p in model.parameters if p.name in own),
+                chosen_because(step),
+                tuple(verdict.alternatives if verdict else step.alternatives),
+            )
+            found.append(replace(one, state=verdict.state, worth=verdict.worth) if verdict else one)
+        above = self.closed.remaining.above_noise
+        return Effects(found, "nothing is established" if above else "nothing is missing")
+
+    @property
+    def error(self) -> ResultTable:
+        """Error of the free run of every recording before and after, relative to the measured signal [-]."""
+        return error_table({"before": self.closed.baseline, "after": self.closed.final})
+
+    @property
+    def position_error(self) -> dict[str, tuple[float, float]]:
+        """Position error of the free run before and after by recording [m rms]; empty but for the model axis."""
+        if self.model.kind != "axis":
+            return {}
+        before, after = (position_errors(m.table, self.records) for m in (self.closed.baseline, self.closed.final))
+        return {name: (error, after[name]) for name, error in before.items()}
+
+    @property
+    def uncertainty(self) -> Uncertainty:
+        """Fitted parameters that the recordings determine, and their covariance."""
+        return _uncertainty(self.closed, self.estimation)
+
+    @property
+    def remaining(self) -> Remaining:
+        """Whether a residual stands above the noise, where it acts and on what it depends."""
+        return self.closed.remaining
+
+    @property
+    def latent_force(self) -> LatentForces:
+        """The force that would have to act beside the final model, as a history with its band, by recording."""
+        return LatentForces(self.closed.forces)
+
+    @property
+    def open(self) -> bool:
+        """Whether a verdict is not established, or a residual stands above the noise."""
+        undecided = any(v.state != ESTABLISHED for v in self.closed.verdicts)
+        return undecided or bool(self.closed.candidates) or self.remaining.above_noise
+
+    @cached_property
+    def rivals(self) -> tuple[RivalModel, ...]:
+        """Models that the recordings leave possible beside the one found, refitted; none where nothing is open."""
+        settings = search_settings(self.model.declared)
+        return rival_models(problem_of(self.closed, self.estimation, self.validation, settings), self.closed)
+
+    def extended(
+        self,
+        estimation: fitted.Data,
+        validation: fitted.Data | None = None,
+        *,
+        minutes: float | None = None,
+        progress: ProgressOption = True,
+    ) -> Discovery:
+        """The search gone on with more recordings, from the models that it had found and their rivals.
+
+        Parameters
+        ----------
+        estimation : recordings to fit beside those before.
+        validation : recordings beside the validation data before; where none is given, the second half of the motion of
+            each of the others.
+        minutes, progress : as of `close_loop`.
+
+        Raises
+        ------
+        ShakeError
+            A recording cannot be fitted, or is among those before.
+        """
+        declared = self.model.declared
+        new = [test_records(self.model, data, (None, None))[0] for data in (estimation, validation)]
+        known = set(fitted.names_of(self.records))
+        if again := sorted(known & {r.name for r in (*new[0], *new[1])}):
+            raise ShakeError(f"{', '.join(again)}: is among the recordings of the search already")
+        first, data = prepared_alike(self.model, new[0], self.data, self.closed)
+        second, data = prepared_alike(self.model, new[1], data, self.closed) if new[1] else ([], data)
+        if not second:
+            first, second = _halves(first)
+        data = replace(data, estimation=[*self.estimation, *first], validation=[*self.validation, *second])
+        structure, failures = model_structure(self.closed.baseline.table, declared), Failures()
+        structure = replace(structure, free=self.closed.search.declared.fit.free.free)
+        with Progress("close_loop", progress) as bar, Ending(bar, minutes) as ending:
+            settings = search_settings(declared)
+            sets = data.estimation, data.validation
+            found = continued(structure, self.closed, *sets, settings, ending, ending.deadline_passed, failures)
+            data = data.with_nuisances(found.search.nuisances)
+            asked = () if ending.deadline_passed() else recordings_to_make()
+            return replace(completed(self.model, found, data, [], asked, bar, failures), unused=self.unused)
+
+    def plot(self, recording: str | None = None) -> Figure:
+        """The two seconds of a recording that move most: measured, before and after; the first one validated."""
+        from shake_ros.report.charts_fit import free_runs, history_chart
+
+        record = fitted.chosen_record([*self.validation, *self.estimation, *self.test], recording)
+        tables = self.closed.baseline.table, self.table
+        return static_figure(history_chart(record, free_runs(record, *tables, self.model.declared)))
+
+    def report(self, folder: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> Path:
+        """Write report.json, diagnosis.json, report.html, and table.yaml with uncertainty.json beside it.
+
+        Also tracking.json where there is a tracking; and controller.yaml, observer.yaml and tune.json where gains were
+        made for the table, unless they oscillate somewhere and `force` is not given. Where a part fails, the folder is
+        without it, and report.json names it under `failed`.
+
+        `force` also replaces an existing folder; `figures` adds static copies of the charts, as "pdf", "svg" or "png";
+        `command` is the line that the page names as its origin.
+
+        """
+        from shake_ros.report.close_loop_page import close_loop_page
+
+        sets = self.estimation, self.validation, self.test
+        names = [fitted.names_of(records) for records in sets]
+        content = close_loop_json(self.closed, names[0], names[1], self.model.kind, names[2]) | {"open": self.open}
+        step, identified = self.failures.step, tuple[Estimate, ...]()
+        with step("residuals in report.json"):
+            if self.diagnosis:
+                content["remaining"]["predictable"] = accounts_json(self.diagnosis.accounts)
+                content["remaining"]["innovations"] = innovations_json(self.diagnosis.innovations)
+        with step("what the recordings identify"):
+            identified = self.identified_estimates
+            content |= unknown_json(identified, self.data) if identified else {}
+        with step("positions"):
+            if self.model.kind == "axis":
+                errors = {n: {"before": before, "after": after} for n, (before, after) in self.position_error.items()}
+                content |= {"position_error": errors, **axis_json(self.table, self.records)}
+        added = ", ".join(self.effects.names) or "nothing to add"
+
+        with new_folder(Path(folder), force=force) as out:
+            comment = f"Fitted to {', '.join(names[0])} by close_loop: {added}.{fitted.command_comment(self.data)}"
+            save_table(out / "table.yaml", self.table, comment)
+            with step("diagnosis.json"):
+                if self.diagnosis:
+                    write_json(out / "diagnosis.json", diagnosis_json(self.diagnosis))
+            with step("tracking.json"):
+                if self.tracking:
+                    write_json(out / "tracking.json", tracking_json(self.tracking))
+            with step("uncertainty.json"):
+                if self.table.layout is FULL_LAYOUT:
+                    known, covariance = self.uncertainty
+                    write_json(out / UNCERTAINTY, {"names": list(known), "covariance": covariance.tolist()})
+            with step("files of the gains"):
+                if self.tuned and (self.tuned.sound or force):
+                    self.tuned.write(out, force)
+            with step("page"):
+                page = close_loop_page(
+                    self.closed, *sets, self.diagnosis, self.tracking, command, identified, self.data, self.failures
+                )
+                write_page(page, out, figures)
+            with step("numbers of report.json"):
+                json.dumps(content, allow_nan=False)
+            write_json(out / "report.json", {**content, "failed": failures_json(self.failures)})
+        return Path(folder)
+
+    def _parts(self) -> list[tuple[str, Any]]:
+        effects = self.effects.frame if self.effects else "nothing"
+        identified = [("Identified", self.identified)] if self.model.declared.nuisances else []
+        failed = [("Failed", "\n".join(map(str, self.failures)))] if len(self.failures) else []
+        remaining = ("Remaining", self.remaining.text)
+        return [("Missing", effects), ("Error of the free run", self.error), *identified, remaining, *failed]
 
 
 def close_loop(
@@ -86,3 +349,52 @@ def close_loop(
         asked = () if ending.deadline_passed() else recordings_to_make()
         found_and_judged = completed(model, found, data, test_data, asked, bar, failures, tune=tune)
         return replace(found_and_judged, unused=fitted.unused_signals(estimation, validation))
+
+
+def completed(
+    model: Model,
+    found: LoopClosure,
+    data: Prepared,
+    test_data: list[Record],
+    asked: Sequence[Candidate],
+    bar: Progress,
+    failures: Failures,
+    *,
+    tune: bool = False,
+) -> Discovery:
+    """What follows a search: errors on test data, uncertainty, gains, tracking, diagnosis; each may fail alone."""
+    known, tuned, benefit, diagnosis = None, None, None, None
+    first, second = data.estimation, data.validation
+    with failures.step("test data"):
+        if test_data:
+            test_data, data = prepared_alike(model, test_data, data, found)
+            found = with_test(found, test_data)
+    with failures.step("uncertainty"):
+        known = _uncertainty(found, first)
+    with failures.step("tuning"):
+        tuned = tune_table(found.final.table, uncertainty=known, progress=bar) if tune else None
+    bar("tracking with the model before and after", 1.0)
+    with failures.step("tracking"):
+        benefit = tracking(found, known, tuned)
+    bar("residuals and what would help", 1.0)
+    with failures.step("diagnosis"):
+        diagnosis = diagnose(found.final.fit, first, second, asked, model.declared)
+    return Discovery(model, found, first, second, diagnosis, benefit, data, tuned, failures, test_data)
+
+
+def _halves(records: Sequence[Record]) -> tuple[list[Record], list[Record]]:
+    """Each record up to the middle of its significant duration, and from there: it may rest before and after."""
+    middles = [_middle_of_motion(r) for r in records]
+    first = [r.part(slice(0, middle)) for r, middle in zip(records, middles, strict=True)]
+    return first, [r.part(slice(middle, len(r.commands))) for r, middle in zip(records, middles, strict=True)]
+
+
+def _middle_of_motion(record: Record) -> int:
+    """Halfway between 5 and 95 % of the squared velocity beyond its noise."""
+    energy = np.maximum.accumulate(np.cumsum(record.velocity**2 - record.velocity_noise() ** 2))
+    return int(np.mean(np.searchsorted(energy, [0.05 * energy[-1], 0.95 * energy[-1]])))
+
+
+def _uncertainty(found: LoopClosure, estimation: Sequence[Record]) -> Uncertainty:
+    problem = RecordingProblem(list(estimation), found.model)
+    return Uncertainty(*known_covariance(found.final.fit, problem.blocks()))

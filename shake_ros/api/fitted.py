@@ -1,4 +1,4 @@
-"""What results of `identify` and `close_loop` share: data, errors, parameters, folders, test data, missing force.
+"""What results of `identify` and `close_loop` share: data, effects, errors, parameters, test data, missing force.
 
 Test data are recordings that no decision has seen, run with every model of an answer once the answer stands.
 
@@ -9,9 +9,10 @@ recording itself, as for validation data. They do not influence the answer.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -36,6 +37,71 @@ from shake_ros.explain.latent_force import LatentForce
 from shake_ros.report.result_table import ResultTable
 from shake_ros.report.text import force_table, nuisance_table, parameter_table, slow_change_table
 from shake_ros.search.close_loop import LoopClosure
+
+
+@dataclass(frozen=True)
+class FoundEffect:
+    """An effect that the declared model was missing.
+
+    Attributes
+    ----------
+    name, place : of the effect.
+    parameters : its own, with standard errors.
+    evidence : why this one.
+    alternatives : effects that these recordings cannot distinguish from it.
+    state : its verdict.
+    worth : error of the final model without it, over that with it [-].
+    """
+
+    name: str
+    place: str
+    parameters: tuple[Estimate, ...]
+    evidence: str
+    alternatives: tuple[str, ...]
+    state: str = ""
+    worth: float = math.nan
+
+
+class Effects(Sequence[FoundEffect]):
+    """Effects in the order in which they were added.
+
+    none : what is printed where there are none.
+    """
+
+    def __init__(self, effects: Sequence[FoundEffect], none: str = "nothing is missing") -> None:
+        self._effects, self._none = tuple(effects), none
+
+    def __len__(self) -> int:
+        return len(self._effects)
+
+    def __getitem__(self, key: Any) -> Any:
+        return self._effects[key]
+
+    def __iter__(self) -> Iterator[FoundEffect]:
+        return iter(self._effects)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The effects' names."""
+        return tuple(effect.name for effect in self)
+
+    @property
+    def frame(self) -> ResultTable:
+        """A row for each parameter."""
+        rows = []
+        for e in self:
+            others = ", ".join(e.alternatives) or None
+            for p in e.parameters:
+                name = p.name.rpartition(".")[2]
+                rows.append((e.name, e.place, name, p.value, p.std_error, p.unit, e.state, e.worth, others))
+        heads = ("effect", "place", "parameter", "value", "std. error", "unit", "state", "worth")
+        return ResultTable((*heads, "not distinguished from"), rows)
+
+    def __repr__(self) -> str:
+        return repr(self.frame) if self else self._none
+
+    def _repr_html_(self) -> str:
+        return self.frame._repr_html_() if self else self._none
 
 
 class LatentForces(Sequence[LatentForce]):
@@ -147,6 +213,17 @@ class FittedResult(ABC):
         """Nuisance parameters of each recording of a force-driven axis; empty for other models."""
         return slow_change_table(self.compared, self.records if self.model.kind == "axis" else ())
 
+    @abstractmethod
+    def _parts(self) -> list[tuple[str, Any]]:
+        """What is shown, with its titles: tables and texts."""
+
+    def __repr__(self) -> str:
+        return text_of(self._parts())
+
+    def _repr_html_(self) -> str:
+        shown = [(title, f"<p>{p}</p>" if isinstance(p, str) else p._repr_html_()) for title, p in self._parts()]
+        return "".join(f"<p><b>{title}</b></p>{html}" for title, html in shown)
+
 
 def recordings(data: Data | None) -> Recordings:
     """One or several recordings, or none, as Recordings."""
@@ -194,14 +271,6 @@ def chosen_record(records: Sequence[Record], name: str | None) -> Record:
 def command_comment(data: Prepared) -> str:
     """What a valve command of 1 is in the recordings; empty where it is per unit there."""
     return "" if data.full_scale == 1.0 else f" A valve command of 1 is {data.full_scale:g} of the recorded unit."
-
-
-def html_of(parts: Sequence[tuple[str, Any]]) -> str:
-    """Titled frames or texts for a notebook."""
-    return "".join(
-        f"<p><b>{title}</b></p>{part._repr_html_() if isinstance(part, ResultTable) else f'<p>{part}</p>'}"
-        for title, part in parts
-    )
 
 
 def text_of(parts: Sequence[tuple[str, Any]]) -> str:

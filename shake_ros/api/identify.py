@@ -124,12 +124,6 @@ class Identification(fitted.FittedResult):
     def _parts(self) -> list[tuple[str, Any]]:
         return [("Parameters", self.parameters), ("Error of the free run", self.error)]
 
-    def __repr__(self) -> str:
-        return fitted.text_of(self._parts())
-
-    def _repr_html_(self) -> str:
-        return fitted.html_of(self._parts())
-
 
 def identify(
     model: Model,

@@ -12,8 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from shake_ros.api.close_loop import close_loop
-from shake_ros.api.discovery import Discovery
+from shake_ros.api.close_loop import Discovery, close_loop
 from shake_ros.api.identify import identify
 from shake_ros.api.import_csv import OF_SECOND, SIGNALS, import_csv, import_proposal
 from shake_ros.api.live_table import InterlockHeldError

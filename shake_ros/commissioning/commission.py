@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import yaml
 
-from shake_ros.api.close_loop import close_loop
-from shake_ros.api.discovery import Discovery
+from shake_ros.api.close_loop import Discovery, close_loop
 from shake_ros.api.identify import identify
 from shake_ros.api.live_table import LiveTable
 from shake_ros.api.model import Model

@@ -233,8 +233,8 @@ def _force_json(force: LatentForce) -> dict[str, Any]:
     }
 
 
-def _step_json(step: ForwardStep, model: FittedModel, verdict: EffectVerdict | None) -> dict[str, Any]:
-    own = {f.name for f in step.chosen.candidate.free}
+def chosen_because(step: ForwardStep) -> str:
+    """Why an effect was added and not the next one."""
     best, second = step.chosen, step.ranking[1] if len(step.ranking) > 1 else None
     least = best.result.validation_cost
     next_least = second.result.validation_cost if second else least
@@ -244,6 +244,12 @@ def _step_json(step: ForwardStep, model: FittedModel, verdict: EffectVerdict | N
         why += f"{next_least:.3g} on the validation data"
     elif second:
         why += f", next {second.candidate.effect} with {next_least:.3g}"
+    return why
+
+
+def _step_json(step: ForwardStep, model: FittedModel, verdict: EffectVerdict | None) -> dict[str, Any]:
+    best = step.chosen
+    own = {f.name for f in best.candidate.free}
     return {
         "effect": best.candidate.effect,
         "alternatives": list(verdict.alternatives if verdict else step.alternatives),
@@ -251,7 +257,7 @@ def _step_json(step: ForwardStep, model: FittedModel, verdict: EffectVerdict | N
         "place": best.candidate.place,
         "depends_on": list(best.candidate.depends_on),
         "parameters": parameters_json([p for p in model.parameters if p.name in own]),
-        "evidence": {"why": why, "ranking": [_refit_json(r) for r in step.ranking]},
+        "evidence": {"why": chosen_because(step), "ranking": [_refit_json(r) for r in step.ranking]},
         "error": errors_json(model),
     }
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.api.discovery import Discovery
+from shake_ros.api.close_loop import Discovery
 from shake_ros.api.fitted import Data
 from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.core.discovery.verdict import ESTABLISHED

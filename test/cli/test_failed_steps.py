@@ -14,7 +14,6 @@ from closed_loops import LEAN, bag
 
 from shake_ros import __main__
 from shake_ros.api import close_loop as verb
-from shake_ros.api import discovery
 from shake_ros.cli import repair as cli
 from shake_ros.declared import effect_candidates, model_structure
 from shake_ros.fit.likelihood import Levels
@@ -36,10 +35,10 @@ STEPS: list[tuple[ModuleType, str, str]] = [
     (closing, "remaining", "what remains"),
     (closing, "latent_forces", "latent force"),
     (closing, "learnt_function", "closed form"),
-    (discovery, "tune_table", "tuning"),
-    (discovery, "tracking", "tracking"),
-    (discovery, "diagnose", "diagnosis"),
-    (discovery, "diagnosis_json", "diagnosis.json"),
+    (verb, "tune_table", "tuning"),
+    (verb, "tracking", "tracking"),
+    (verb, "diagnose", "diagnosis"),
+    (verb, "diagnosis_json", "diagnosis.json"),
     (close_loop_page, "found_section", "page, what was found"),
     (close_loop_page, "model_sections", "page, measured against simulated"),
     (close_loop_page, "close_loop_page", "page"),
@@ -100,7 +99,7 @@ def test_failed_step_is_named_and_the_rest_of_the_report_is_there(
 
 
 def test_number_that_is_none_costs_itself_alone(closed: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(discovery, "accounts_json", lambda *_: [{"least_over_noise": float("nan")}])
+    monkeypatch.setattr(verb, "accounts_json", lambda *_: [{"least_over_noise": float("nan")}])
     code, said, out = closed()
     assert code == 1
     assert "numbers of report.json" in said[0]
@@ -121,7 +120,7 @@ def test_error_within_the_search_leaves_what_it_had_found(closed: Any, monkeypat
         verb, "model_structure", lambda *given: dataclasses.replace(model_structure(*given), candidates=(effect,))
     )
     monkeypatch.setattr(closing, "with_verdicts", lambda problem, found, _: (found, (), ()))
-    monkeypatch.setattr(discovery, "tracking", lambda *_: None)
+    monkeypatch.setattr(verb, "tracking", lambda *_: None)
     code, said, out = closed()
     assert code == 1
     assert "the step 'search' failed: KeyError" in said[0]

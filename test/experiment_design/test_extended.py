@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import shake_ros as sr
-from shake_ros.api.discovery import _halves
+from shake_ros.api.close_loop import _halves
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.axis import AXIS_LAYOUT
 from shake_ros.core.quantities import ShakeError

@@ -9,7 +9,7 @@ import pytest
 from lab_process import QUICK, Started
 
 from shake_ros.__main__ import main
-from shake_ros.api.discovery import _halves
+from shake_ros.api.close_loop import _halves
 from shake_ros.api.live_table import InterlockHeldError, LiveLaboratory, write_loop
 from shake_ros.cli import repair
 from shake_ros.core.control import CONTROLLERS
