@@ -27,17 +27,13 @@ from shake_ros.settings import find, load_search, load_table, read_yaml, table_o
 DEFAULT_TABLE = "bergamo"
 
 
-def free_parameters(model: DeclaredModel = FULL) -> list[FreeParameter]:
-    """The parameters that a fit may move from its start, from config/identification."""
-    return _parameters(model, late=False)
+def free_parameters(model: DeclaredModel = FULL, late: bool = False) -> list[FreeParameter]:
+    """The parameters that a fit may move, from config/identification.
 
-
-def late_parameters(model: DeclaredModel = FULL) -> list[FreeParameter]:
-    """Those that it may move only once they explain much of what is left above the noise."""
-    return _parameters(model, late=True)
-
-
-def _parameters(model: DeclaredModel, late: bool) -> list[FreeParameter]:
+    Parameters
+    ----------
+    late : those that move only once they explain much of what is left above the noise, not those from the start.
+    """
     path = find("identification", model.name)
     entries = {n: dict(c) for n, c in read_yaml(path).items()}
     fields = model.layout.fields
@@ -67,7 +63,7 @@ def sized(found: Iterable[CandidateEffect], table: TableParameters) -> tuple[Can
 def model_structure(begin: StartingPoint | TableParameters, model: DeclaredModel = FULL) -> ModelStructure:
     """Where a fit of a model begins, with what it may move and the effects that it may lack."""
     start = begin if isinstance(begin, StartingPoint) else StartingPoint.declared(begin, Prepared([], [], 1.0, ()))
-    free, late = tuple(free_parameters(model)), tuple(late_parameters(model))
+    free, late = tuple(free_parameters(model)), tuple(free_parameters(model, late=True))
     if model.nuisances:
         free = (*free, *null_shifts_of(len({r.run for r in start.data.estimation}), free))
     effects = effect_candidates(model, start.fitted)

@@ -33,40 +33,6 @@ HIGHEST_SHOWN = 30.0  # [Hz]
 LEAST_SHOWN = 1e-5  # of the reference's largest line: a synthetic reference has next to nothing beyond its band
 
 
-def _outcome_json(outcome: Outcome) -> dict[str, Any]:
-    table = {"perturbed_table": outcome.table} if outcome.table >= 0 else {}
-    return {
-        "entry": outcome.entry,
-        "reference": outcome.reference,
-        "load": outcome.load,
-        **table,
-        **dataclasses.asdict(outcome.metrics),
-    }
-
-
-def _summary_json(summary: Summary) -> dict[str, Any]:
-    found = {name: dataclasses.asdict(getattr(summary, name)) for name in ("mean", "worst", "perturbed_worst")}
-    for figures in found.values():
-        for name in ("end_stop", "unstable"):
-            del figures[name]
-    return {"entry": summary.entry, **found, "unstable": summary.unstable, "end_stops": summary.end_stops}
-
-
-def comparison_json(
-    outcomes: Sequence[Outcome], summaries: Sequence[Summary], settings: Mapping[str, Any]
-) -> dict[str, Any]:
-    """Content of compare.json (schema shake_ros.compare/1)."""
-    return {
-        "schema": SCHEMA,
-        "units": {**UNITS, "load": "kg"},
-        "meanings": MEANINGS,
-        "settings": dict(settings),
-        "summaries": [_summary_json(s) for s in summaries],
-        "runs": [_outcome_json(o) for o in outcomes if o.table < 0],
-        "perturbed_runs": [_outcome_json(o) for o in outcomes if o.table >= 0],
-    }
-
-
 @dataclass(frozen=True)
 class Case:
     """One run to be made, and its place in the comparison."""
@@ -107,10 +73,33 @@ class Comparison:
         """Errors of each controller over the case that is drawn."""
         return static_figure(error_chart(self.runs, self.drawn))
 
+    def content(self) -> dict[str, Any]:
+        """All figures, for JSON (schema shake_ros.compare/1)."""
+        summaries, runs = list[dict[str, Any]](), list[dict[str, Any]]()
+        for s in self.summaries:
+            found = {name: dataclasses.asdict(getattr(s, name)) for name in ("mean", "worst", "perturbed_worst")}
+            for figures in found.values():
+                for name in ("end_stop", "unstable"):
+                    del figures[name]
+            summaries.append({"entry": s.entry, **found, "unstable": s.unstable, "end_stops": s.end_stops})
+        for o in self.outcomes:
+            table = {"perturbed_table": o.table} if o.table >= 0 else {}
+            case = {"entry": o.entry, "reference": o.reference, "load": o.load, **table}
+            runs.append(case | dataclasses.asdict(o.metrics))
+        return {
+            "schema": SCHEMA,
+            "units": {**UNITS, "load": "kg"},
+            "meanings": MEANINGS,
+            "settings": dict(self.settings),
+            "summaries": summaries,
+            "runs": [run for run in runs if "perturbed_table" not in run],
+            "perturbed_runs": [run for run in runs if "perturbed_table" in run],
+        }
+
     def report(self, out: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> None:
         """Write compare.json and report.html into a new folder; options as of `Discovery.report`."""
         with new_folder(Path(out), force=force) as folder:
-            write_json(folder / "compare.json", comparison_json(self.outcomes, self.summaries, self.settings))
+            write_json(folder / "compare.json", self.content())
             write_page(comparison_page(self, command), folder, figures)
 
     def __repr__(self) -> str:

@@ -88,10 +88,10 @@ def import_csv(
     rate : sampling rate, if no column holds the time [Hz].
     skip : lines above the table, if they are not recognised.
     decimal : point or comma, if the numbers do not decide it.
-    bridge : samples of the longest gap that is filled by interpolation; 0: none is.
+    bridge : samples of the longest gap that is filled by interpolation; 0 fills none.
     also : further files, each with `file`, `time` or `rate` and its own columns, of which an acceleration is one. Their
         clocks are found by the correlation of the acceleration with the position.
-    same_clock : they are the first's.
+    same_clock : the time of the further files is that of the first.
     overwrite : replace an existing recording.
 
     Returns
@@ -116,33 +116,19 @@ def import_csv(
     (5, 0.01, 0.004)
     """
     path, findings = Path(file), list[Finding]()
-    given = {"command": command, "position": position, **_known(signals)}
+    for name in signals:
+        if name not in OF_SECOND:
+            raise unknown_name("signal", name, SIGNALS)
+    known = {name: text for name, text in signals.items() if text is not None}
+    given = {"command": command, "position": position, **known}
     how = {"rate": rate, "skip": skip, "decimal": decimal}
     values = _read(path, given, time, how, bridge, findings)
     for more in also:
         values = _with(path, values, more, same_clock, bridge, findings)
-    write_table_recording(
-        out,
-        values["time"],
-        values["command"],
-        values["position"],
-        values.get("acceleration"),
-        pressure_a=values.get("pressure_a"),
-        pressure_b=values.get("pressure_b"),
-        pressure_supply=values.get("pressure_supply"),
-        force=values.get("force"),
-        overwrite=overwrite,
-    )
+    stamps, valve, motion = (values.pop(name) for name in ("time", "command", "position"))
+    write_table_recording(out, stamps, valve, motion, **values, overwrite=overwrite)  # type: ignore[arg-type]
     recording = read_table_recording(out)
     return replace(recording, findings=(*findings, *recording.findings))
-
-
-def _known(signals: Mapping[str, str | None]) -> dict[str, str]:
-    """The signals that are given; an unknown one is an error."""
-    for name in signals:
-        if name not in OF_SECOND:
-            raise unknown_name("signal", name, SIGNALS)
-    return {name: text for name, text in signals.items() if text is not None}
 
 
 def _read(
@@ -251,7 +237,6 @@ def _steps(count: int, rate: float) -> npt.NDArray[np.float64]:
 
 
 def _check_time(path: Path, time: npt.NDArray[np.float64]) -> None:
-    """Time must be finite and rise from row to row, and there must be rows."""
     if len(time) < 2:
         raise ShakeError(f"{path}: {len(time)} rows of numbers, at least 2 are needed")
     if not np.isfinite(time).all():

@@ -54,11 +54,16 @@ class OwnLoop:
     law: LawParameters
     sound: bool
 
-    def of(self, model: TableParameters, sample_time: float, late: float) -> tuple[Observer, Controller]:
-        """Both with a model; `late` is the loop's dead time [s], which a fitted model with a delay knows by itself."""
+    def late(self, model: TableParameters, late: float) -> OwnLoop:
+        """The loop with its dead time [s], which a fitted model with a delay knows by itself."""
         known = {"loop_delay": 0.0 if model.value(DELAY) > 0.0 else late}
-        observer = Observer("fused", self.observer.replace(**known), sample_time, model)
-        return observer, Controller(self.kind, self.law.replace(**known), sample_time, model)
+        return replace(self, observer=self.observer.replace(**known), law=self.law.replace(**known))
+
+    def of(self, model: TableParameters, sample_time: float, late: float) -> tuple[Observer, Controller]:
+        """Observer and controller with a model; `late` as of the method."""
+        loop = self.late(model, late)
+        observer = Observer("fused", loop.observer, sample_time, model)
+        return observer, Controller(loop.kind, loop.law, sample_time, model)
 
 
 _loops: dict[str, OwnLoop] = {}  # made in this process, by the values of their tables
@@ -191,15 +196,10 @@ class LiveLaboratory:
         """Hand the own loop with this model to the nodes, where it is not there yet."""
         if self.own is None or model == self._carried:
             return
-        known = {"loop_delay": 0.0 if model.value(DELAY) > 0.0 else self.late}
+        loop = self.own.late(model, self.late)
         self._loops += 1
-        paths = write_loop(
-            self.table.folder / f"loop_{self._loops}",
-            model,
-            ("fused", self.own.observer.replace(**known)),
-            (self.own.kind, self.own.law.replace(**known)),
-        )
-        self.table.carry(*paths)
+        folder = self.table.folder / f"loop_{self._loops}"
+        self.table.carry(*write_loop(folder, model, ("fused", loop.observer), (loop.kind, loop.law)))
         self._carried = model
 
     def play(self, model: TableParameters, drive: Array, name: str, _number: int) -> TableRecording:

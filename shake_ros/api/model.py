@@ -26,7 +26,6 @@ from shake_ros.declared import (
     declared_table,
     effect_candidates,
     free_parameters,
-    late_parameters,
     leaves_open,
     unknown_model,
 )
@@ -54,11 +53,11 @@ class Model:
     @property
     def parameters(self) -> ResultTable:
         """The parameters that a fit may move: from the start, or only once they explain much of what is left."""
-        table, free = self.table, free_parameters(self.declared)
+        table = self.table
         rows = [
             (p.name, None if table is None else table.value(p.name), p.unit, p.low, p.high, when)
-            for group, when in ((free, "from the start"), (late_parameters(self.declared), "late"))
-            for p in group
+            for late, when in ((False, "from the start"), (True, "late"))
+            for p in free_parameters(self.declared, late)
         ]
         return ResultTable(("parameter", "value", "unit", "low", "high", "freed"), rows)
 

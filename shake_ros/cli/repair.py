@@ -73,13 +73,7 @@ def import_csv_parser() -> CommandLine:
     )
     _add_file(command, SIGNALS)
     command.add_argument("--out", type=Path, metavar="BAG", help="folder of the recording")
-    command.add_argument(
-        "--bridge", type=int, default=0, metavar="N", help="fill gaps of up to N samples by interpolation"
-    )
-    command.add_argument(
-        "--same-clock", action="store_true", help=f"the time of the files behind {ALSO} is that of the first"
-    )
-    command.add_argument("--overwrite", action="store_true", help="replace an existing recording")
+    command.add_verb(import_csv, "time", "rate", "skip", "decimal", "also")
     return command
 
 

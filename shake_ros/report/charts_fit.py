@@ -152,22 +152,32 @@ def residual_charts(
         rests = [mass * rest for rest in rests]
     charts = []
     for name in names:
-        after = SCALES.get(name, 1.0) * known[1][name][record.start :]
-        edges = np.unique(np.quantile(after, np.linspace(0.0, 1.0, GROUPS + 1)))
+        places = [SCALES.get(name, 1.0) * quantities[name][record.start :] for quantities in known]
+        edges = group_edges(places[1])
         if len(edges) < 3:
             continue
         middle = 0.5 * (edges[:-1] + edges[1:])
-        series = []
-        for text, rest, quantities, colour in zip(BOTH, rests, known, ("before", "after"), strict=True):
-            at = SCALES.get(name, 1.0) * quantities[name][record.start :]
-            group = np.clip(np.searchsorted(edges, at, side="right") - 1, 0, len(middle) - 1)
-            count = np.maximum(np.bincount(group, minlength=len(middle)), 1)
-            mean = np.bincount(group, rest, minlength=len(middle)) / count
-            series.append(ChartSeries(text, mean, colour, width=2.0))
+        series = [
+            ChartSeries(text, group_means(rest, at, edges), colour, width=2.0)
+            for text, rest, at, colour in zip(BOTH, rests, places, ("before", "after"), strict=True)
+        ]
         panel = Panel(f"residual {label}", middle, tuple(series), height=210)
         caption = f"{record.name}: mean residual against {name.replace('_', ' ')}, {len(middle)} groups of equal count"
         charts.append(Chart(f"residual_{name}_{record.name}", LABELS[name], (panel,), caption))
     return charts
+
+
+def group_edges(at: Array) -> Array:
+    """Ends of groups of equal count; fewer than three where the values do not differ."""
+    return np.unique(np.quantile(at, np.linspace(0.0, 1.0, GROUPS + 1)))
+
+
+def group_means(values: Array, at: Array, edges: Array) -> Array:
+    """Mean of the values in each group of their abscissa, NaN where it is empty."""
+    groups = len(edges) - 1
+    group = np.clip(np.searchsorted(edges, at, side="right") - 1, 0, groups - 1)
+    count = np.bincount(group, minlength=groups)
+    return np.where(count > 0, np.bincount(group, values, minlength=groups) / np.maximum(count, 1), np.nan)
 
 
 def unlisted_chart(fit: Fit, form: FunctionForm | None = None) -> Chart:

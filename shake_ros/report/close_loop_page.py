@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from itertools import zip_longest
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shake_ros.core.analysis.stretches import energies
 from shake_ros.core.discovery.closed_form import LearntFunction
@@ -25,8 +24,8 @@ from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.explain.diagnosis import Diagnosis
 from shake_ros.explain.latent_force import LatentForce
 from shake_ros.report import charts_fit
-from shake_ros.report.chart import Array, Chart, ChartSeries, Panel
-from shake_ros.report.charts_fit import GROUPS, LABELS, SCALES, SHOWN
+from shake_ros.report.chart import Chart, ChartSeries, Panel
+from shake_ros.report.charts_fit import LABELS, SCALES, SHOWN
 from shake_ros.report.page import Bar, Page
 from shake_ros.report.result_table import percent
 from shake_ros.report.sections import (
@@ -123,26 +122,18 @@ def against_chart(force: LatentForce, name: str) -> Chart | None:
     by, (low, high) = SIDES[name]
     sense = np.gradient(force.known["velocity"]) if by == "acceleration" else force.known[by]
     at = SCALES.get(name, 1.0) * force.known[name]
-    edges = np.unique(np.quantile(at, np.linspace(0.0, 1.0, GROUPS + 1)))
+    edges = charts_fit.group_edges(at)
     if len(edges) < 3:
         return None
     middle = 0.5 * (edges[:-1] + edges[1:])
-    group = np.asarray(np.clip(np.searchsorted(edges, at, side="right") - 1, 0, len(middle) - 1), dtype=np.intp)
     series = [
-        ChartSeries(label, _means(force.force[side], group[side], len(middle)), colour, kind="marks", width=1.6)
+        ChartSeries(label, charts_fit.group_means(force.force[side], at[side], edges), colour, kind="marks", width=1.6)
         for label, side, colour in ((low, sense > 0.0, "c0"), (high, sense <= 0.0, "c1"))
     ]
     series.append(ChartSeries("zero", np.zeros(len(middle)), "measured", kind="dashed", width=1.0))
     panel = Panel(f"mean force [{force.unit}]", middle, tuple(series), height=210)
     caption = f"{force.recording}: mean force against {name}, {len(middle)} groups of equal count"
     return Chart(f"force_{name}_{force.recording}", LABELS[name], (panel,), caption)
-
-
-def _means(values: Array, group: NDArray[np.intp], count: int) -> Array:
-    """Mean by group, NaN where it is empty."""
-    number = np.bincount(group, minlength=count)
-    total = np.bincount(group, values, minlength=count)
-    return np.where(number > 0, total / np.maximum(number, 1), np.nan)
 
 
 SIZE = (

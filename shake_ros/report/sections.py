@@ -74,10 +74,10 @@ DRAWN = 8  # recordings with charts of their own
 SHOWN = 2.0  # of the tracked motion at first, about the largest acceleration of the reference [s]
 
 
-def sources(
-    estimation: Sequence[Record], validation: Sequence[Record], test: Sequence[Record] = ()
-) -> tuple[Source, ...]:
-    """The recordings behind a page, each once with the length of its parts together."""
+def made_of(
+    command: str, estimation: Sequence[Record], validation: Sequence[Record], test: Sequence[Record] = ()
+) -> Made:
+    """Where the page of a fit comes from: each recording once, with the length of its parts together."""
     found = []
     for use, records in (("estimation", estimation), ("validation", validation), ("test", test)):
         for name in dict.fromkeys(r.name for r in records):
@@ -85,14 +85,7 @@ def sources(
             samples = sum(len(r.commands) for r in parts)
             dt = parts[0].sample_time
             found.append(Source(name, use, samples * dt, samples, 1.0 / dt))
-    return tuple(found)
-
-
-def made_of(
-    command: str, estimation: Sequence[Record], validation: Sequence[Record], test: Sequence[Record] = ()
-) -> Made:
-    """Where the page of a fit comes from."""
-    return Made(command, sources(estimation, validation, test))
+    return Made(command, tuple(found))
 
 
 def histories_section(

@@ -12,7 +12,7 @@ import numpy as np
 from shake_ros.core.identification.free_parameters import FreeParameter
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.quantities import Parameters, ShakeError, quantity, strict_keys
-from shake_ros.declared import effect_candidates, free_parameters, late_parameters, sized
+from shake_ros.declared import effect_candidates, free_parameters, sized
 from shake_ros.fit.model import SENSOR_FILTER, FreeModel, start_of
 from shake_ros.settings import find, read_yaml
 
@@ -106,7 +106,7 @@ def followed(table: TableParameters, settings: TwinSettings) -> Followed:
         n: FreeParameter(n, 0.0, *(f.metadata[k] for k in ("low", "high", "unit")))
         for n, f in FULL_LAYOUT.fields.items()
     }
-    known |= {p.name: p for p in (*free_parameters(), *late_parameters(), SUPPLY, SENSOR_FILTER)}
+    known |= {p.name: p for p in (*free_parameters(), *free_parameters(late=True), SUPPLY, SENSOR_FILTER)}
     candidates = sized(effect_candidates(), table)
     known |= {c.strength.name: c.strength for c in candidates}
     known |= {p.name: p for c in candidates for p in c.free[1:] if c.effect in table.effects}

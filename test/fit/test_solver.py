@@ -12,7 +12,7 @@ from hidden_table import SAMPLE_TIME, TRUE, Hidden, record
 from shake_ros.core.identification.free_parameters import FreeParameter
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.parameters import FULL_LAYOUT
-from shake_ros.declared import free_parameters, late_parameters
+from shake_ros.declared import free_parameters
 from shake_ros.fit.likelihood import Levels, Likelihood
 from shake_ros.fit.model import FreeModel, start_of
 from shake_ros.fit.prediction import Predictor
@@ -30,7 +30,7 @@ def run(seed: int, hidden: Hidden | None = None, seconds: float = 5.0) -> Record
 
 def declared() -> FreeModel:
     table = load_table("bergamo").with_values({"body.specimen_mass": 200.0})
-    return start_of(table, (*free_parameters(), *late_parameters()))
+    return start_of(table, (*free_parameters(), *free_parameters(late=True)))
 
 
 def test_fit_from_the_catalogue_finds_the_table_and_that_nothing_but_noise_is_left() -> None:
