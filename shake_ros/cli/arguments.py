@@ -108,9 +108,9 @@ class CommandLine(argparse.ArgumentParser):
             "number of a publisher, as joint_states=x_axis; repeatable",
         )
 
-    def add_set(self, text: str) -> None:
+    def add_set(self, text: str, metavar: str = "KEY=VALUE") -> None:
         """The option --set, which may be repeated."""
-        self.add_argument("--set", help=text, nargs="+", action="extend", metavar="KEY=VALUE")
+        self.add_argument("--set", help=text, nargs="+", action="extend", metavar=metavar)
 
     def add_live(self) -> None:
         """The options --live and --namespace."""

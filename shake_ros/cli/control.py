@@ -119,14 +119,7 @@ def campaign_command(arguments: Sequence[str]) -> int:
     p.add_argument(
         "--out", type=Path, required=True, metavar="DIR", help="folder of the rows; an existing one is continued"
     )
-    p.add_argument(
-        "--set",
-        nargs="+",
-        action="extend",
-        default=[],
-        metavar="NAME=VALUE",
-        help="values of the study to replace, in YAML",
-    )
+    p.add_set("values of the study to replace, in YAML", "NAME=VALUE")
     p.add_verb(campaign, "changes")
     p.add_argument("--compare", type=Path, metavar="OTHER", help="folder of an older campaign of the same study")
     p.add_figures()
@@ -134,7 +127,7 @@ def campaign_command(arguments: Sequence[str]) -> int:
     if given.minutes is not None and not 0.0 <= given.minutes < float("inf"):
         raise ShakeError(f"--minutes {given.minutes:g}: must be 0 or more")
     try:
-        found = campaign(given.study, given.out, changes=changes_of(given.set), **p.options(given))
+        found = campaign(given.study, given.out, changes=changes_of(given.set or ()), **p.options(given))
     except KeyboardInterrupt:
         print(f"stopped; finished rows are in {given.out}, and the same command continues", file=sys.stderr)
         raise
