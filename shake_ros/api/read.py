@@ -15,6 +15,7 @@ from shake_ros.api.import_csv import import_csv
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.recordings import TableRecording, Take, read_table_recording, write_table_recording
 from shake_ros.data.recordings.bag import SUFFIXES, natural_order
+from shake_ros.data.recordings.table import ARRAYS
 from shake_ros.report.result_table import ResultTable
 
 if TYPE_CHECKING:
@@ -24,10 +25,7 @@ if TYPE_CHECKING:
 
 
 TABLES = (".csv", ".txt", ".dat", ".tsv", ".mat")
-SIGNALS = (
-    *("valve_command", "position", "acceleration", "pressure_a", "pressure_b", "pressure_supply"),
-    *("force", "reference", "estimate", "truth"),
-)
+SIGNALS = ("valve_command", "position", "acceleration", *ARRAYS)
 
 
 class Recordings(Sequence[TableRecording]):

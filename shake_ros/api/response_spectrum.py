@@ -17,6 +17,7 @@ from shake_ros.core.loop import metrics
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.accelerograms import read_accelerogram
 from shake_ros.data.accelerograms.accelerogram import Accelerogram
+from shake_ros.data.recordings.bag import SUFFIXES
 from shake_ros.data.result_folder import refuse_existing, writing
 from shake_ros.report.chart import COLOURS, CURVES, Chart, ChartSeries, Panel, new_figure, static_figure, tidy
 from shake_ros.report.result_table import ResultTable
@@ -242,7 +243,7 @@ def _acceleration(
 ) -> tuple[str, Array, float]:
     """Name, acceleration (n,) [m/s²] and sample time [s] of what was given."""
     path = Path(source) if isinstance(source, str | Path) else None
-    if path is not None and path.is_file() and path.suffix not in (".mcap", ".db3", ".zstd"):
+    if path is not None and path.is_file() and not path.name.endswith(SUFFIXES):
         source = read_accelerogram(path)
     if isinstance(source, Accelerogram):
         return source.name, source.acceleration, source.time_step
