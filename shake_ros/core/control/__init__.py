@@ -1,17 +1,16 @@
 """Controllers: reference and estimate → valve command.
 
 One file per law: a frozen `Parameters` class with its number and the length of its state, and two compiled functions,
-`feedforward(p, reference)` and `step(state, p, reference, estimate, feedforward, dt)`; `p` is the record of the
-parameters by name. The feedforward is an argument of `step`, so that any law also runs under that of a virtual table
-(`virtual_table`). To add one: write the file with the next number, add its row here, write
+`feedforward(p, reference)`, zero where a law has none, and `step(state, p, reference, estimate, feedforward, dt)`; `p`
+is the record of the parameters by name. The feedforward is an argument of `step`, so that any law also runs under that
+of a virtual table (`virtual_table`). To add one: write the file with the next number, add its row here, write
 config/controller/<name>.yaml; `runner` and the contract tests take it from this table.
 """
 
 from shake_ros.core.control.differential_pressure import DifferentialPressure
 from shake_ros.core.control.feedforward_minimal_control import FeedforwardMinimalControl
 from shake_ros.core.control.feedforward_pi import FeedforwardPI
-from shake_ros.core.control.hold import Hold
-from shake_ros.core.control.law import LawParameters
+from shake_ros.core.control.law import Hold, LawParameters
 from shake_ros.core.control.linear_quadratic import LinearQuadratic
 from shake_ros.core.control.minimal_control_synthesis import MinimalControlSynthesis
 from shake_ros.core.control.pid import PID

@@ -20,31 +20,21 @@ import numpy as np
 
 from shake_ros.core.compiled import njit
 from shake_ros.core.control import feedforward_pi
-from shake_ros.core.control.law import LawParameters
 from shake_ros.core.quantities import quantity
 
 
 @dataclass(frozen=True, kw_only=True)
-class DifferentialPressure(LawParameters):
+class DifferentialPressure(feedforward_pi.PIGains):
     """Gains of (6.40) and of the pressure's path."""
 
     code: ClassVar[int] = 9
     states: ClassVar[int] = 4
 
-    proportional_gain: float = quantity("1/m", "K_P, command per position error", high=0.0, live=True)
-    integral_gain: float = quantity("1/(m s)", "K_I, command per integrated position error", high=0.0, live=True)
-    feedforward_gain: float = quantity("s/m", "K_ff, command per reference velocity", low=0.0, live=True)
     pressure_gain: float = quantity("1/Pa", "K_dp, minus the command per load pressure", low=0.0, high=1e-5, live=True)
     washout: float = quantity("rad/s", "ω_dp below which the pressure is not fed back", low=0.0, high=1000.0, live=True)
     force_balance: float = quantity("-", "share w of the reference's own pressure", low=0.0, high=1.0, live=True)
     moved_mass: float = quantity("kg", "mass M of table and specimen", low=1.0, high=1e6, live=True)
     piston_area: float = quantity("m^2", "piston area A_p", low=1e-6, high=1.0)
-
-
-@njit
-def feedforward(p, reference):  # type: ignore[no-untyped-def]
-    """K_ff ẋ_ref [-]."""
-    return p.feedforward_gain * reference[1]
 
 
 @njit

@@ -31,12 +31,6 @@ class FeedforwardMinimalControl(minimal_control_synthesis.Adaptation, three_vari
 
 
 @njit
-def feedforward(p, reference):  # type: ignore[no-untyped-def]
-    """None outside `step`: T acts behind the filter, which has a state."""
-    return 0.0
-
-
-@njit
 def step(state, p, reference, estimate, feedforward, dt):  # type: ignore[no-untyped-def]
     """One sample; arguments and results as in `feedforward_pi.step`, the state as under `STATES`."""
     omega = p.model_frequency

@@ -17,15 +17,20 @@ from shake_ros.core.quantities import quantity
 
 
 @dataclass(frozen=True, kw_only=True)
-class FeedforwardPI(LawParameters):
-    """The gains of table 6.13."""
-
-    code: ClassVar[int] = 1
-    states: ClassVar[int] = 1
+class PIGains(LawParameters):
+    """The gains of table 6.13; laws that derive from it have the feedforward as well."""
 
     proportional_gain: float = quantity("1/m", "K_P, command per position error", high=0.0, live=True)
     integral_gain: float = quantity("1/(m s)", "K_I, command per integrated position error", high=0.0, live=True)
     feedforward_gain: float = quantity("s/m", "K_ff, command per reference velocity", low=0.0, live=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FeedforwardPI(PIGains):
+    """The law by itself."""
+
+    code: ClassVar[int] = 1
+    states: ClassVar[int] = 1
 
 
 @njit

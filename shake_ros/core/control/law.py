@@ -1,4 +1,4 @@
-"""What control laws share: limit, start, model feedforward, saturation, and the input filter (5.1).
+"""What control laws share: limit, start, model feedforward, saturation, and the input filter (5.1); and no law at all.
 
 The input filter (5.1) sample by sample: ẍ + 2ξ_f ω_f ẋ + ω_f² x = ω_f² r, exact for a wish that runs straight.
 
@@ -52,6 +52,26 @@ class LawParameters(Parameters):
     def under_model(self) -> LawParameters:
         """The parameters under a model feedforward, which brings what the law then has to leave out."""
         return self
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hold(LawParameters):
+    """No control: the command is held at zero, and a model feedforward, where one is asked for, passes through."""
+
+    code: ClassVar[int] = 0
+    states: ClassVar[int] = 0
+
+
+@njit
+def feedforward(p, reference):  # type: ignore[no-untyped-def]
+    """Zero: that of every law without one of its own [-]."""
+    return 0.0
+
+
+@njit
+def step(state, p, reference, estimate, feedforward, dt):  # type: ignore[no-untyped-def]
+    """One sample of `Hold`; arguments and results as in `feedforward_pi.step`."""
+    return state.copy(), saturate(feedforward, p.limit)
 
 
 @njit

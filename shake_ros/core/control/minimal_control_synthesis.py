@@ -22,6 +22,7 @@ from typing import ClassVar
 import numpy as np
 
 from shake_ros.core.compiled import njit
+from shake_ros.core.control.feedforward_pi import PIGains
 from shake_ros.core.control.law import LawParameters, free_motion, saturate, winds_up
 from shake_ros.core.quantities import choice, quantity
 
@@ -45,22 +46,13 @@ class Adaptation(LawParameters):
 
 
 @dataclass(frozen=True, kw_only=True)
-class MinimalControlSynthesis(Adaptation):
+class MinimalControlSynthesis(Adaptation, PIGains):
     """The adaptive part and the fixed law under it."""
 
     code: ClassVar[int] = 7
     states: ClassVar[int] = STATES
 
     strategy: str = choice("where the adaptive signal goes: the command (inner) or the reference (outer)", STRATEGIES)
-    proportional_gain: float = quantity("1/m", "K_P, command per position error", high=0.0, live=True)
-    integral_gain: float = quantity("1/(m s)", "K_I, command per integrated position error", high=0.0, live=True)
-    feedforward_gain: float = quantity("s/m", "K_ff, command per reference velocity", low=0.0, live=True)
-
-
-@njit
-def feedforward(p, reference):  # type: ignore[no-untyped-def]
-    """K_ff ẋ_ref of (6.40) [-]."""
-    return p.feedforward_gain * reference[1]
 
 
 @njit

@@ -34,12 +34,6 @@ class PID(LawParameters):
 
 
 @njit
-def feedforward(p, reference):  # type: ignore[no-untyped-def]
-    """None of its own."""
-    return 0.0
-
-
-@njit
 def filtered_derivative(before, error_before, error, bandwidth, dt):  # type: ignore[no-untyped-def]
     """d of ḋ = ω_d (ė − d) after a sample in which the error runs straight from `error_before` to `error`."""
     slope = (error - error_before) / dt

@@ -20,20 +20,17 @@ import numpy as np
 
 from shake_ros.core.compiled import njit
 from shake_ros.core.control import feedforward_pi
-from shake_ros.core.control.law import LawParameters, advance
+from shake_ros.core.control.law import advance
 from shake_ros.core.quantities import quantity
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReactionCompensation(LawParameters):
+class ReactionCompensation(feedforward_pi.PIGains):
     """Gains of (6.40), the specimen, and the table that it pulls at."""
 
     code: ClassVar[int] = 11
     states: ClassVar[int] = 6
 
-    proportional_gain: float = quantity("1/m", "K_P, command per position error", high=0.0, live=True)
-    integral_gain: float = quantity("1/(m s)", "K_I, command per integrated position error", high=0.0, live=True)
-    feedforward_gain: float = quantity("s/m", "K_ff, command per reference velocity", low=0.0, live=True)
     compensation: float = quantity("-", "share of the reaction that is compensated", low=0.0, high=1.5, live=True)
     compensation_corner: float = quantity("rad/s", "ω_c of the reaction's low-pass", low=1.0, high=2000.0, live=True)
     compensated_mass: float = quantity("kg", "mass m of the specimen that moves", low=0.0, high=1e6, live=True)
@@ -41,12 +38,6 @@ class ReactionCompensation(LawParameters):
     compensated_damping: float = quantity("-", "ζ of the specimen", low=0.0, high=0.99, live=True)
     moved_mass: float = quantity("kg", "mass M of table and specimen", low=1.0, high=1e6, live=True)
     beta3: float = quantity("m/s^3", "β_3, jerk per command", low=1e-6, live=True)
-
-
-@njit
-def feedforward(p, reference):  # type: ignore[no-untyped-def]
-    """K_ff ẋ_ref [-]."""
-    return p.feedforward_gain * reference[1]
 
 
 @njit

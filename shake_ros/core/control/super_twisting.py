@@ -22,17 +22,23 @@ from shake_ros.core.quantities import quantity
 
 
 @dataclass(frozen=True, kw_only=True)
-class SuperTwisting(LawParameters):
-    """β_3 of the reduced model and the gains of table 6.15."""
-
-    code: ClassVar[int] = 3
-    states: ClassVar[int] = 2
+class TwistingSurface(LawParameters):
+    """β_3 of the reduced model and the surface."""
 
     beta3: float = quantity("m/s^3", "jerk per command", low=1e-6, live=True)
     surface_integral: float = quantity("1/s", "K_ss1, weight of the integrated position error", low=0.0, live=True)
     surface_position: float = quantity("-", "K_ss2, weight of the position error", low=0.0, live=True)
     surface_velocity: float = quantity("s", "K_ss3, weight of the velocity error", low=0.0, live=True)
     surface_acceleration: float = quantity("s^2", "K_ss4, weight of the acceleration error", low=1e-9, live=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SuperTwisting(TwistingSurface):
+    """The gains of table 6.15."""
+
+    code: ClassVar[int] = 3
+    states: ClassVar[int] = 2
+
     root_gain: float = quantity("m^0.5/s", "α_1, of the square root", low=0.0, live=True)
     root_slope: float = quantity("1/m", "α_2, steepness of the tanh that approximates the sign", low=0.0, live=True)
     twisting_gain: float = quantity("m/s^2", "α_3, of the integrated sign", low=0.0, live=True)
@@ -46,13 +52,19 @@ def feedforward(p, reference):  # type: ignore[no-untyped-def]
 
 
 @njit
+def surface_of(p, integral, error):  # type: ignore[no-untyped-def]
+    """S (6.51) [m/s]."""
+    value = p.surface_integral * integral + p.surface_position * error[0]
+    return value + p.surface_velocity * error[1] + p.surface_acceleration * error[2]  # (6.51)
+
+
+@njit
 def step(state, p, reference, estimate, feedforward, dt):  # type: ignore[no-untyped-def]
     """One sample; arguments and results as in `feedforward_pi.step`, state (∫e_1 [m·s], ∫sign S [s])."""
     limit, b0 = p.limit, p.surface_acceleration * p.beta3
     error = estimate - reference
     integral = state[0] + error[0] * dt
-    surface = p.surface_integral * integral + p.surface_position * error[0]
-    surface = surface + p.surface_velocity * error[1] + p.surface_acceleration * error[2]  # (6.51)
+    surface = surface_of(p, integral, error)
     sign = 1.0 if surface > 0.0 else (-1.0 if surface < 0.0 else 0.0)
     root = p.root_gain * math.sqrt(abs(surface)) * math.tanh(p.root_slope * surface)
     twist = state[1] + sign * dt

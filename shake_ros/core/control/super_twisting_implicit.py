@@ -28,22 +28,18 @@ from typing import ClassVar
 import numpy as np
 
 from shake_ros.core.compiled import njit
-from shake_ros.core.control.law import LawParameters, saturate, winds_up
+from shake_ros.core.control.law import saturate, winds_up
+from shake_ros.core.control.super_twisting import TwistingSurface, surface_of
 from shake_ros.core.quantities import quantity
 
 
 @dataclass(frozen=True, kw_only=True)
-class SuperTwistingImplicit(LawParameters):
-    """β_3 of the reduced model, the surface, and k_1, k_2 of (5.40)."""
+class SuperTwistingImplicit(TwistingSurface):
+    """k_1, k_2 of (5.40) and the feedforward."""
 
     code: ClassVar[int] = 5
     states: ClassVar[int] = 2
 
-    beta3: float = quantity("m/s^3", "jerk per command", low=1e-6, live=True)
-    surface_integral: float = quantity("1/s", "K_ss1, weight of the integrated position error", low=0.0, live=True)
-    surface_position: float = quantity("-", "K_ss2, weight of the position error", low=0.0, live=True)
-    surface_velocity: float = quantity("s", "K_ss3, weight of the velocity error", low=0.0, live=True)
-    surface_acceleration: float = quantity("s^2", "K_ss4, weight of the acceleration error", low=1e-9, live=True)
     root_gain: float = quantity("m^0.5/s", "k_1, of the square root", low=0.0, live=True)
     twisting_gain: float = quantity("m/s^2", "k_2, of the integrated sign", low=1e-9, live=True)
     feedforward_gain: float = quantity("s/m", "command per reference velocity", low=0.0, live=True)
@@ -92,8 +88,7 @@ def step(state, p, reference, estimate, feedforward, dt):  # type: ignore[no-unt
     b0 = p.surface_acceleration * p.beta3
     error = estimate - reference
     integral = state[0] + error[0] * dt
-    surface = p.surface_integral * integral + p.surface_position * error[0]
-    surface = surface + p.surface_velocity * error[1] + p.surface_acceleration * error[2]  # (6.51)
+    surface = surface_of(p, integral, error)
     command = twisting(surface, state[1], k1, k2, dt) / b0 + feedforward
     u = saturate(command, limit)
     if winds_up(command, limit, -error[0]):

@@ -71,12 +71,6 @@ def matched(parameters: ThreeVariable, beta: NDArray[np.float64]) -> ThreeVariab
 
 
 @njit
-def feedforward(p, reference):  # type: ignore[no-untyped-def]
-    """None outside `step`: T acts behind the filter, which has a state."""
-    return 0.0
-
-
-@njit
 def step(state, p, reference, estimate, feedforward, dt):  # type: ignore[no-untyped-def]
     """One sample; as in `feedforward_pi.step`, state (started, wish [m], filter's x [m] and ẋ [m/s])."""
     x, v, a = reference[0], reference[1], reference[2]

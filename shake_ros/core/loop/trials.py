@@ -23,8 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.control.closed_loop import ClosedLoop
-from shake_ros.core.control.hold import Hold
-from shake_ros.core.control.law import LawParameters
+from shake_ros.core.control.law import Hold, LawParameters
 from shake_ros.core.control.runner import Controller
 from shake_ros.core.control.virtual_table import VirtualTable
 from shake_ros.core.loop.compiled import Loop, run_batch, simulate
