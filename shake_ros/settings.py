@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import yaml
 
 from shake_ros.core.discovery.search_settings import SearchSettings
-from shake_ros.core.fluid.oil import Oil
+from shake_ros.core.fluid import Oil
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableLayout, TableParameters
 from shake_ros.core.plant.temperature import OilState, at_temperature
 from shake_ros.core.quantities import Parameters, ShakeError, member_from, strict_keys, unknown_name

@@ -18,7 +18,7 @@ from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.runner import Controller
 from shake_ros.core.loop.linear_loop import LAWS
 from shake_ros.core.observer import OBSERVERS
-from shake_ros.core.observer.carried import work
+from shake_ros.core.observer.law import work
 from shake_ros.core.observer.load import LoadTracker, LoadTracking, track
 from shake_ros.core.observer.runner import Observer
 from shake_ros.core.plant.table import Table

@@ -26,8 +26,8 @@ from shake_ros.core.control.virtual_table import step as step_virtual
 from shake_ros.core.loop.metrics import come_to_rest
 from shake_ros.core.observer.load import LoadTracker, LoadTracking, track
 from shake_ros.core.observer.runner import step_observer, work
+from shake_ros.core.plant.options import set_load
 from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.plant.specimen import set_load
 from shake_ros.data.reference_file import build_program
 from shake_ros.settings import find, load_table, read_yaml
 

@@ -18,7 +18,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from shake_ros.core.control import CONTROLLERS, harmonic_cancellation
 from shake_ros.core.control.harmonic_cancellation import HarmonicCancellation
 from shake_ros.core.control.runner import Controller, refuse_another_instant, switch
-from shake_ros.core.observer.carried import work
+from shake_ros.core.observer.law import work
 from shake_ros.core.observer.load import PITCH, RIGID, SWAYING, LoadTracker, LoadTracking, track
 from shake_ros.core.packing import numbers
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity

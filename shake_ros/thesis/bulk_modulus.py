@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 
 from shake_ros.api.progress import Progress
 from shake_ros.core.effects.hydraulics import factor
-from shake_ros.core.friction.tustin import force
+from shake_ros.core.friction import FRICTIONS, steady_force
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
+from shake_ros.core.packing import record
 from shake_ros.core.plant.cylinder import rest_pressures, volumes
 from shake_ros.core.plant.hydraulics import chamber_moduli, exchange_compliance
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
@@ -237,9 +238,8 @@ def _figure_6_30(number: str, wave: Mapping[str, Any], plant: TableParameters, a
     table, dt = _loaded(plant, wave), asked["sample_time"]
     out = simulated(table, _commands(wave, asked), dt)[-round(SHOWN / dt) :]
     modulus = effective_modulus(table, out[:, 3], out[:, 4])
-    passage = ("transition_velocity", "transition_sharpness")
-    names = ("coulomb_level", "stribeck_rise", "stribeck_decay", "viscous", *passage)
-    friction = [float(force(v, *(table.value(f"friction.{n}") for n in names))) for v in out[:, 1]]
+    law = record("friction", FRICTIONS, table.friction)
+    friction = [float(steady_force(law, v)) for v in out[:, 1]]
     time = np.arange(len(out)) * dt
     panels = (
         Panel("E of chamber A [Pa]", time, (ChartSeries("(6.18)", modulus, "after"),)),

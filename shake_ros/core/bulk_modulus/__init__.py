@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.bulk_modulus.backe_murrenhoff import BackeMurrenhoff
-from shake_ros.core.bulk_modulus.constant import Constant
 from shake_ros.core.bulk_modulus.eggerth import Eggerth
 from shake_ros.core.bulk_modulus.hoffmann import Hoffmann
 from shake_ros.core.bulk_modulus.ifas import LOWEST_PRESSURE, Ifas
-from shake_ros.core.bulk_modulus.law import BulkModulusLaw
+from shake_ros.core.bulk_modulus.law import BulkModulusLaw, Constant
 from shake_ros.core.bulk_modulus.lee import Lee
 from shake_ros.core.bulk_modulus.linear import Linear
 from shake_ros.core.bulk_modulus.nykanen import Nykanen

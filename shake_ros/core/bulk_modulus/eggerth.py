@@ -14,14 +14,12 @@ from shake_ros.core.bulk_modulus.law import BulkModulusLaw
 from shake_ros.core.compiled import njit
 from shake_ros.core.quantities import quantity
 
-CODE = 8
 
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Eggerth(BulkModulusLaw):
     """Parameters of (2.39), one row of table 2.3."""
 
-    code: ClassVar[int] = CODE
+    code: ClassVar[int] = 8
     stiffness: ClassVar[tuple[str, ...]] = ()
     compliance: ClassVar[tuple[str, ...]] = ("k1", "k2")
 

@@ -12,26 +12,21 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from shake_ros.core.bulk_modulus.law import STANDARD_PRESSURE, BulkModulusLaw
+from shake_ros.core.bulk_modulus.law import LawWithoutAir
 from shake_ros.core.compiled import njit
 from shake_ros.core.quantities import quantity
 
-CODE = 7
 
-
-@dataclass(frozen=True)
-class Hoffmann(BulkModulusLaw):
+@dataclass(frozen=True, kw_only=True)
+class Hoffmann(LawWithoutAir):
     """Parameters of (2.38)."""
 
-    code: ClassVar[int] = CODE
+    code: ClassVar[int] = 7
     stiffness: ClassVar[tuple[str, ...]] = ("largest_modulus",)
 
     largest_modulus: float = quantity("Pa", "E_max", low=1e6, high=1e11)
     offset: float = quantity("-", "exponent at zero pressure", low=0.0, high=10.0)
     rate: float = quantity("1/Pa", "rise of the exponent per pressure", low=0.0, high=1e-3)
-    reference_pressure: float = quantity(
-        "Pa", "pressure P_0 at which an effect counts free air", low=0.0, high=1e8, default=STANDARD_PRESSURE
-    )
 
 
 @njit

@@ -19,26 +19,22 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from shake_ros.core.bulk_modulus.law import BulkModulusLaw
+from shake_ros.core.bulk_modulus.law import LiquidWithAir
 from shake_ros.core.compiled import njit
 from shake_ros.core.quantities import quantity
 
-CODE = 5
 LOWEST_PRESSURE = 1.0e3  # [Pa] the laws of mixture are not evaluated below this
 
 
-@dataclass(frozen=True)
-class Ifas(BulkModulusLaw):
+@dataclass(frozen=True, kw_only=True)
+class Ifas(LiquidWithAir):
     """Parameters of (2.32)."""
 
-    code: ClassVar[int] = CODE
+    code: ClassVar[int] = 5
     stiffness: ClassVar[tuple[str, ...]] = ("modulus", "slope")
 
     modulus: float = quantity("Pa", "bulk modulus E_0 of the liquid at P_0", low=1e6, high=1e11)
     slope: float = quantity("-", "rise of the liquid's modulus per pressure m", low=0.0, high=300.0)
-    fraction: float = quantity("-", "volume fraction α of free air at P_0", low=0.0, high=0.3)
-    polytropic_exponent: float = quantity("-", "polytropic exponent κ of the air", low=0.3, high=2.0)
-    reference_pressure: float = quantity("Pa", "initial pressure P_0", low=1e3, high=1e7)
 
 
 @njit

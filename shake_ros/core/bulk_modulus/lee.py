@@ -11,18 +11,16 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from shake_ros.core.bulk_modulus.law import STANDARD_PRESSURE, BulkModulusLaw
+from shake_ros.core.bulk_modulus.law import LawWithoutAir
 from shake_ros.core.compiled import njit
 from shake_ros.core.quantities import quantity
 
-CODE = 6
 
-
-@dataclass(frozen=True)
-class Lee(BulkModulusLaw):
+@dataclass(frozen=True, kw_only=True)
+class Lee(LawWithoutAir):
     """Parameters of (2.37)."""
 
-    code: ClassVar[int] = CODE
+    code: ClassVar[int] = 6
     stiffness: ClassVar[tuple[str, ...]] = ("largest_modulus",)
 
     largest_modulus: float = quantity("Pa", "E_max", low=1e6, high=1e11)
@@ -30,9 +28,6 @@ class Lee(BulkModulusLaw):
     a1: float = quantity("-", "factor a_1", low=0.0, high=10.0)
     a2: float = quantity("-", "factor a_2", low=0.0, high=1e4)
     a3: float = quantity("-", "summand a_3", low=1.0, high=1e3)
-    reference_pressure: float = quantity(
-        "Pa", "pressure P_0 at which an effect counts free air", low=0.0, high=1e8, default=STANDARD_PRESSURE
-    )
 
 
 @njit

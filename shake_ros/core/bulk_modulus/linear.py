@@ -8,25 +8,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from shake_ros.core.bulk_modulus.law import STANDARD_PRESSURE, BulkModulusLaw
+from shake_ros.core.bulk_modulus.law import LawWithoutAir
 from shake_ros.core.compiled import njit
 from shake_ros.core.quantities import quantity
 
-CODE = 1
 
-
-@dataclass(frozen=True)
-class Linear(BulkModulusLaw):
+@dataclass(frozen=True, kw_only=True)
+class Linear(LawWithoutAir):
     """Parameters of (2.28)."""
 
-    code: ClassVar[int] = CODE
+    code: ClassVar[int] = 1
     stiffness: ClassVar[tuple[str, ...]] = ("modulus", "slope")
 
     modulus: float = quantity("Pa", "bulk modulus E_0 at zero pressure", low=1e6, high=1e11)
     slope: float = quantity("-", "rise of the modulus per pressure m", low=0.0, high=300.0)
-    reference_pressure: float = quantity(
-        "Pa", "pressure P_0 at which an effect counts free air", low=0.0, high=1e8, default=STANDARD_PRESSURE
-    )
 
 
 @njit

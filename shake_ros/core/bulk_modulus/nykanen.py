@@ -12,23 +12,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from shake_ros.core.bulk_modulus.law import BulkModulusLaw
+from shake_ros.core.bulk_modulus.law import LiquidWithAir
 from shake_ros.core.compiled import njit
-from shake_ros.core.quantities import quantity
-
-CODE = 3
 
 
-@dataclass(frozen=True)
-class Nykanen(BulkModulusLaw):
+@dataclass(frozen=True, kw_only=True)
+class Nykanen(LiquidWithAir):
     """Parameters of (2.30)."""
 
-    code: ClassVar[int] = CODE
-
-    modulus: float = quantity("Pa", "bulk modulus Ē of the liquid without air", low=1e6, high=1e11)
-    fraction: float = quantity("-", "volume fraction α of free air at P_0", low=0.0, high=0.3)
-    polytropic_exponent: float = quantity("-", "polytropic exponent κ of the air", low=0.3, high=2.0)
-    reference_pressure: float = quantity("Pa", "initial pressure P_0", low=1e3, high=1e7)
+    code: ClassVar[int] = 3
 
 
 @njit

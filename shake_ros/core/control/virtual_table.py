@@ -31,10 +31,10 @@ from numpy.typing import NDArray
 
 from shake_ros.core.compiled import njit
 from shake_ros.core.plant.dormand_prince import STAGE, workspace
-from shake_ros.core.plant.integration import acceleration_now, advance_sample
+from shake_ros.core.plant.integration import acceleration_now, advance_late
+from shake_ros.core.plant.options import set_load
 from shake_ros.core.plant.parameters import DELAY, FULL_LAYOUT, TableParameters, dead_time
 from shake_ros.core.plant.simulation import initial_state, weigh
-from shake_ros.core.plant.specimen import set_load
 from shake_ros.core.plant.states import BASE, CONTINUOUS, LAGGED_POSITION, POSITION, STATES, VELOCITY
 from shake_ros.core.quantities import OutOfBounds, ShakeError
 
@@ -70,10 +70,7 @@ def carry(p, y, u, whole, fraction, samples, dt, tolerance):  # type: ignore[no-
     acceleration = acceleration_now(p, y, work[STAGE])
     known = False
     for _ in range(samples):
-        for i in range(past.shape[0] - 1, 0, -1):
-            past[i] = past[i - 1]
-        past[0] = u
-        acceleration = advance_sample(p, y, past[whole + 1], past[whole], fraction, 0.0, dt, work, known, tolerance)
+        acceleration = advance_late(p, y, past, u, whole, fraction, 0.0, dt, work, known, tolerance)
         known = True
     return acceleration
 
@@ -243,7 +240,7 @@ class VirtualTable:
         return following, float(u), virtual
 
     def carry_load(self, rigid: float, swaying: float, pitch: float) -> None:
-        """Give the copy another specimen from the next sample on; arguments as of `plant.specimen.set_load`."""
+        """Give the copy another specimen from the next sample on; arguments as of `plant.options.set_load`."""
         set_load(self.record, rigid, swaying, pitch)
 
     def follow(self, references: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

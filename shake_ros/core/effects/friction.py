@@ -50,8 +50,9 @@ class PositionDependentFriction(Effect):
 
 
 @njit
-def dry_level(level, position, gradient, curvature):
-    """Dry friction level at a position [N]."""
+def dry_level(p, level, position):
+    """Dry friction at a position, from its level at mid-stroke [N]."""
+    gradient, curvature = p.position_dependent_friction_gradient, p.position_dependent_friction_curvature
     return max(level + (gradient + curvature * position) * position, 0.0)
 
 
@@ -107,10 +108,10 @@ class FilmFriction(Effect):
 
 
 @njit
-def film_rate(film, velocity, full_film_velocity, time_constant):
+def film_rate(p, film, velocity):
     """dh/dt [1/s]."""
-    steady = min((abs(velocity) / full_film_velocity) ** (2.0 / 3.0), 1.0)
-    return (steady - film) / time_constant
+    steady = min((abs(velocity) / p.film_friction_full_film_velocity) ** (2.0 / 3.0), 1.0)
+    return (steady - film) / p.film_friction_time_constant
 
 
 @dataclass(frozen=True)

@@ -48,9 +48,9 @@ class SupplyDroop(Effect):
 
 
 @njit
-def pressure_rate(pressure, nominal, flow, resistance, time_constant):
+def pressure_rate(p, pressure, flow):
     """dP_s/dt [Pa/s]."""
-    return (nominal - resistance * flow - pressure) / time_constant
+    return (p.supply_supply_pressure - p.supply_droop_resistance * flow - pressure) / p.supply_droop_time_constant
 
 
 @dataclass(frozen=True)

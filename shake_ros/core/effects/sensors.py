@@ -13,15 +13,12 @@ from shake_ros.core.quantities import quantity
 class AccelerometerScale(Effect):
     """Scale error of the accelerometer.
 
-    Wrong sensitivity of the accelerometer.
-
         a_m → (1 + e) a_m
 
     Absent at e = 0.
     """
 
     place: ClassVar[str] = "sensor"
-    depends_on: ClassVar[tuple[str, ...]] = ()
     models: ClassVar[tuple[str, ...]] = ("full", "reduced")
 
     error: float = quantity("-", "relative scale error e", low=-0.9, high=9.0, default=0.0)
@@ -31,7 +28,7 @@ class AccelerometerScale(Effect):
 class AccelerometerBias(Effect):
     """Zero offset of the accelerometer.
 
-    Zero offset of the accelerometer, or its tilt.
+    Or its tilt.
 
         a_m → a_m + b
 
@@ -39,7 +36,6 @@ class AccelerometerBias(Effect):
     """
 
     place: ClassVar[str] = "sensor"
-    depends_on: ClassVar[tuple[str, ...]] = ()
     models: ClassVar[tuple[str, ...]] = ("full", "reduced")
 
     bias: float = quantity("m/s^2", "offset b", low=-50.0, high=50.0, default=0.0)

@@ -23,7 +23,6 @@ class ConstantForce(Effect):
     """
 
     place: ClassVar[str] = "force"
-    depends_on: ClassVar[tuple[str, ...]] = ()
     models: ClassVar[tuple[str, ...]] = ("full", "reduced")
 
     force: float = quantity("N", "force F_0 along +x", low=-1e5, high=1e5, default=0.0)
@@ -69,10 +68,10 @@ class SpecimenResonance(Effect):
 
 
 @njit
-def spring_force(deflection, rate, mass, frequency, damping):
-    """Force of the specimen on the table [N]."""
-    omega = 2.0 * math.pi * frequency
-    return mass * omega * (2.0 * damping * rate + omega * deflection)
+def spring_force(p, mass, deflection, rate):
+    """Force on the table of a mass that stands on the specimen's spring [N]."""
+    omega = 2.0 * math.pi * p.specimen_resonance_frequency
+    return mass * omega * (2.0 * p.specimen_resonance_damping * rate + omega * deflection)
 
 
 @dataclass(frozen=True)
@@ -113,11 +112,12 @@ def has_backlash(gap):
 
 
 @njit
-def contact_force(deflection, rate, gap, stiffness, rod_mass, damping):
+def contact_force(p, rod_mass, deflection, rate):
     """Force of the rod on the table [N]; never pulls while contact is being lost."""
+    gap, damping = p.coupling_backlash_gap, p.coupling_backlash_damping
     half = 0.5 * gap
     closing = (STIFFENING_GAP / gap) ** 2
-    stiffness *= 1.0 + closing
+    stiffness = p.coupling_backlash_stiffness * (1.0 + closing)
     damping += max(1.0 - damping, 0.0) * closing / (1.0 + closing)
     coefficient = 2.0 * damping * math.sqrt(stiffness * rod_mass)
     if deflection > half:
@@ -147,17 +147,16 @@ class BaseFlexibility(Effect):
 
 
 @njit
-def base_acceleration(displacement, velocity, force, compliance, frequency, damping):
+def base_acceleration(p, displacement, velocity, force):
     """ẍ_b under the actuator force [m/s²]."""
-    omega = 2.0 * math.pi * frequency
-    return -omega * (omega * (compliance * force + displacement) + 2.0 * damping * velocity)
+    omega = 2.0 * math.pi * p.base_flexibility_frequency
+    stretch = p.base_flexibility_compliance * force + displacement
+    return -omega * (omega * stretch + 2.0 * p.base_flexibility_damping * velocity)
 
 
 @dataclass(frozen=True)
 class PayloadError(Effect):
     """Moved mass other than declared.
-
-    The specimen weighs something else than was declared.
 
         M → M + Δm
 
@@ -165,6 +164,5 @@ class PayloadError(Effect):
     """
 
     place: ClassVar[str] = "structure"
-    depends_on: ClassVar[tuple[str, ...]] = ()
 
     mass: float = quantity("kg", "mass Δm beyond the declared one", low=-2e3, high=1e4, default=0.0)

@@ -31,13 +31,15 @@ effect explains it; the nodes are then the evidence of what a new law would have
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from shake_ros.core.compiled import inlined_kernel, njit
 from shake_ros.core.effects.effect import Effect
+from shake_ros.core.packing import written
 from shake_ros.core.quantities import ShakeError, quantity
 
 NODES = 16
@@ -74,51 +76,18 @@ OF_SPEED = (FRICTION_OF_POSITION, FRICTION_FACTOR_OF_POSITION)  # where the velo
 
 
 @dataclass(frozen=True)
-class Unlisted(Effect):
-    """An effect without a name: a function estimated on nodes."""
+class FunctionOnKnots(Effect):
+    """What the function depends on, where it acts, and between which values it is known."""
 
     place: ClassVar[str] = "force"
-    depends_on: ClassVar[tuple[str, ...]] = ()
     models: ClassVar[tuple[str, ...]] = ("full", "axis")
 
     kind: int = quantity("-", "what the function depends on and where it acts, 0 for absent", low=0, high=9, default=0)
     low: float = quantity("-", "argument at the first knot, in its unit", default=-1.0)
     high: float = quantity("-", "argument at the last knot, in its unit", default=1.0)
-    node_00: float = quantity("-", "value at knot 0, in the unit of the kind", default=0.0)
-    node_01: float = quantity("-", "value at knot 1, in the unit of the kind", default=0.0)
-    node_02: float = quantity("-", "value at knot 2, in the unit of the kind", default=0.0)
-    node_03: float = quantity("-", "value at knot 3, in the unit of the kind", default=0.0)
-    node_04: float = quantity("-", "value at knot 4, in the unit of the kind", default=0.0)
-    node_05: float = quantity("-", "value at knot 5, in the unit of the kind", default=0.0)
-    node_06: float = quantity("-", "value at knot 6, in the unit of the kind", default=0.0)
-    node_07: float = quantity("-", "value at knot 7, in the unit of the kind", default=0.0)
-    node_08: float = quantity("-", "value at knot 8, in the unit of the kind", default=0.0)
-    node_09: float = quantity("-", "value at knot 9, in the unit of the kind", default=0.0)
-    node_10: float = quantity("-", "value at knot 10, in the unit of the kind", default=0.0)
-    node_11: float = quantity("-", "value at knot 11, in the unit of the kind", default=0.0)
-    node_12: float = quantity("-", "value at knot 12, in the unit of the kind", default=0.0)
-    node_13: float = quantity("-", "value at knot 13, in the unit of the kind", default=0.0)
-    node_14: float = quantity("-", "value at knot 14, in the unit of the kind", default=0.0)
-    node_15: float = quantity("-", "value at knot 15, in the unit of the kind", default=0.0)
     second: int = quantity("-", "second quantity: 1 x, 2 v, 3 opening, 4 P_L, 5 time; 0 none", low=0, high=5, default=0)
     second_low: float = quantity("-", "second quantity at the lower end, in its unit", default=-1.0)
     second_high: float = quantity("-", "second quantity at the upper end, in its unit", default=1.0)
-    above_0: float = quantity("-", "change at knot 0 at the upper end, in the unit of the kind", default=0.0)
-    above_1: float = quantity("-", "change at knot 1 at the upper end, in the unit of the kind", default=0.0)
-    above_2: float = quantity("-", "change at knot 2 at the upper end, in the unit of the kind", default=0.0)
-    above_3: float = quantity("-", "change at knot 3 at the upper end, in the unit of the kind", default=0.0)
-    above_4: float = quantity("-", "change at knot 4 at the upper end, in the unit of the kind", default=0.0)
-    above_5: float = quantity("-", "change at knot 5 at the upper end, in the unit of the kind", default=0.0)
-    above_6: float = quantity("-", "change at knot 6 at the upper end, in the unit of the kind", default=0.0)
-    above_7: float = quantity("-", "change at knot 7 at the upper end, in the unit of the kind", default=0.0)
-    below_0: float = quantity("-", "change at knot 0 at the lower end, in the unit of the kind", default=0.0)
-    below_1: float = quantity("-", "change at knot 1 at the lower end, in the unit of the kind", default=0.0)
-    below_2: float = quantity("-", "change at knot 2 at the lower end, in the unit of the kind", default=0.0)
-    below_3: float = quantity("-", "change at knot 3 at the lower end, in the unit of the kind", default=0.0)
-    below_4: float = quantity("-", "change at knot 4 at the lower end, in the unit of the kind", default=0.0)
-    below_5: float = quantity("-", "change at knot 5 at the lower end, in the unit of the kind", default=0.0)
-    below_6: float = quantity("-", "change at knot 6 at the lower end, in the unit of the kind", default=0.0)
-    below_7: float = quantity("-", "change at knot 7 at the lower end, in the unit of the kind", default=0.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -127,27 +96,37 @@ class Unlisted(Effect):
             raise ShakeError(f"second = {self.second}: kind {self.kind} can have {known}")
 
 
+KNOTS = {  # names of the function's values → what they are at each knot
+    "node": [(f"node_{i:02d}", f"value at knot {i}") for i in range(NODES)],
+    "above": [(f"above_{i}", f"change at knot {i} at the upper end") for i in range(CHANGES)],
+    "below": [(f"below_{i}", f"change at knot {i} at the lower end") for i in range(CHANGES)],
+}
+Unlisted: type[FunctionOnKnots] = dataclasses.make_dataclass(
+    "Unlisted",
+    [
+        (name, "float", quantity("-", f"{meaning}, in the unit of the kind", default=0.0))
+        for knots in KNOTS.values()
+        for name, meaning in knots
+    ],
+    bases=(FunctionOnKnots,),
+    namespace={"__doc__": "An effect without a name: a function estimated on nodes.", "__module__": __name__},
+    frozen=True,
+)
+
+
+def _tuple_of(values: str) -> Any:
+    """Compiled: the values of a record on all knots, as a tuple."""
+    fields = ", ".join(f"p.unlisted_{name}" for name, _ in KNOTS[values])
+    return written(__name__, f"def {values}_values(p):\n    return {fields}", {})
+
+
+node_values, above_values, below_values = _tuple_of("node"), _tuple_of("above"), _tuple_of("below")
+
+
 @njit
 def interpolated(p, argument):
     """y at an argument, in the unit of the kind."""
-    nodes = (
-        p.unlisted_node_00,
-        p.unlisted_node_01,
-        p.unlisted_node_02,
-        p.unlisted_node_03,
-        p.unlisted_node_04,
-        p.unlisted_node_05,
-        p.unlisted_node_06,
-        p.unlisted_node_07,
-        p.unlisted_node_08,
-        p.unlisted_node_09,
-        p.unlisted_node_10,
-        p.unlisted_node_11,
-        p.unlisted_node_12,
-        p.unlisted_node_13,
-        p.unlisted_node_14,
-        p.unlisted_node_15,
-    )
+    nodes = node_values(p)
     place = (argument - p.unlisted_low) / (p.unlisted_high - p.unlisted_low) * (NODES - 1)
     if p.unlisted_kind == SUPPLY_OF_PHASE:
         place = (place / (NODES - 1) - math.floor(place / (NODES - 1))) * NODES
@@ -179,27 +158,7 @@ def changed_by(p, argument, second):
     tau = (second - 0.5 * (p.unlisted_second_low + p.unlisted_second_high)) / (
         0.5 * (p.unlisted_second_high - p.unlisted_second_low)
     )
-    above = (
-        p.unlisted_above_0,
-        p.unlisted_above_1,
-        p.unlisted_above_2,
-        p.unlisted_above_3,
-        p.unlisted_above_4,
-        p.unlisted_above_5,
-        p.unlisted_above_6,
-        p.unlisted_above_7,
-    )
-    below = (
-        p.unlisted_below_0,
-        p.unlisted_below_1,
-        p.unlisted_below_2,
-        p.unlisted_below_3,
-        p.unlisted_below_4,
-        p.unlisted_below_5,
-        p.unlisted_below_6,
-        p.unlisted_below_7,
-    )
-    nodes = above if tau > 0.0 else below
+    nodes = above_values(p) if tau > 0.0 else below_values(p)
     place = (argument - p.unlisted_low) / (p.unlisted_high - p.unlisted_low) * (CHANGES - 1)
     if p.unlisted_kind != FORCE_OF_POSITION:
         place = min(max(place, 0.0), CHANGES - 1.0)

@@ -62,9 +62,7 @@ def is_dynamic(p):
 @njit
 def curve_direction(p, velocity):
     """Smooth sign of the velocity of a law that is a curve [-]."""
-    if p.friction_kind == NONE:
-        return 0.0
-    return direction(velocity, p.friction_transition_velocity, p.friction_transition_sharpness)
+    return 0.0 if p.friction_kind == NONE else direction(p, velocity)
 
 
 @njit

@@ -23,7 +23,7 @@ from shake_ros.core.compiled import njit
 from shake_ros.core.friction.law import FrictionLaw
 from shake_ros.core.quantities import quantity
 
-CODE = 10
+ARMSTRONG = 10
 STUCK = 1.0 - 1e-9  # share of the level below which the contact sticks
 
 
@@ -31,7 +31,7 @@ STUCK = 1.0 - 1e-9  # share of the level below which the contact sticks
 class Armstrong(FrictionLaw):
     """Parameters of (3.39)–(3.41)."""
 
-    code: ClassVar[int] = CODE
+    code: ClassVar[int] = ARMSTRONG
     has_memory: ClassVar[bool] = True
 
     coulomb_level: float = quantity("N", "Coulomb friction force F_C", low=0.0, high=1e5, live=True)
@@ -44,22 +44,16 @@ class Armstrong(FrictionLaw):
 
 
 @njit
-def level(p, lagged_speed, rise):
-    """Dry level F_C + F_s/(1 + (v(t−τ_L)/x_st)²) of (3.40) with F_s = `rise` [N]."""
+def contact_level(p, velocity, lagged_speed, rise):
+    """Dry level F_C + F_s/(1 + (v(t−τ_L)/x_st)²) of (3.40) with F_s = `rise` [N]; the velocity itself plays no part."""
     relative = lagged_speed / p.friction_stribeck_velocity
     return p.friction_coulomb_level + rise / (1.0 + relative * relative)
 
 
 @njit
-def contact_level(p, velocity, lagged_speed, rise):
-    """`level`, as all laws with a contact state are asked for it [N]."""
-    return level(p, lagged_speed, rise)
-
-
-@njit
 def contact_deflection(p, start, displacement, velocity_start, velocity, lagged_start, lagged_speed, rise):
     """Elastic displacement z after a displacement of the piston one way (3.39) [m]."""
-    largest = level(p, lagged_speed, rise) / p.friction_contact_stiffness
+    largest = contact_level(p, velocity, lagged_speed, rise) / p.friction_contact_stiffness
     return min(max(start + displacement, -largest), largest)
 
 
@@ -84,7 +78,7 @@ def risen(p, at_stop, dwell):
 @njit
 def dwelt(p, z, lagged_speed, duration, dwell, at_stop, rise):
     """Dwell time t_d [s], F_sa [N] and F_s [N] after a step that ended with z; t_d = 0 while sliding."""
-    reached = level(p, lagged_speed, rise)
+    reached = contact_level(p, 0.0, lagged_speed, rise)
     if abs(p.friction_contact_stiffness * z) >= STUCK * reached:
         return 0.0, at_stop, rise
     if dwell == 0.0:

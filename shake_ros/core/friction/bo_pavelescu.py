@@ -14,24 +14,17 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from shake_ros.core.compiled import njit
-from shake_ros.core.friction.law import FrictionLaw
+from shake_ros.core.friction.law import CurveWithStaticLevel
 from shake_ros.core.quantities import quantity
-
-CODE = 4
 
 
 @dataclass(frozen=True)
-class BoPavelescu(FrictionLaw):
+class BoPavelescu(CurveWithStaticLevel):
     """Parameters of (3.33)."""
 
-    code: ClassVar[int] = CODE
+    code: ClassVar[int] = 4
 
-    coulomb_level: float = quantity("N", "Coulomb friction force F_C", low=0.0, high=1e5, live=True)
-    static_level: float = quantity("N", "break-away force F_s", low=0.0, high=1e5, live=True)
-    stribeck_velocity: float = quantity("m/s", "Stribeck velocity v_s", low=1e-6, high=1.0, live=True)
     stribeck_exponent: float = quantity("-", "exponent n of the Stribeck curve", low=0.2, high=10.0)
-    viscous: float = quantity("N*s/m", "viscous coefficient F_v", low=0.0, high=1e6, live=True)
-    transition_velocity: float = quantity("m/s", "width of the smooth sign at rest", low=1e-6, high=0.1)
 
 
 @njit

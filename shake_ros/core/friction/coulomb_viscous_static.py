@@ -18,7 +18,6 @@ from shake_ros.core.compiled import njit
 from shake_ros.core.friction.law import FrictionLaw
 from shake_ros.core.quantities import quantity
 
-CODE = 2
 SLOWEST = 1e-9  # [m/s] a viscous exponent below one has an infinite slope at rest
 
 
@@ -26,7 +25,7 @@ SLOWEST = 1e-9  # [m/s] a viscous exponent below one has an infinite slope at re
 class CoulombViscousStatic(FrictionLaw):
     """Parameters of (3.27)–(3.31)."""
 
-    code: ClassVar[int] = CODE
+    code: ClassVar[int] = 2
 
     coulomb_level: float = quantity("N", "Coulomb friction force F_C", low=0.0, high=1e5, live=True)
     static_level: float = quantity("N", "break-away force F_s", low=0.0, high=1e5, live=True)

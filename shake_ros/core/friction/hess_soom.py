@@ -12,23 +12,14 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from shake_ros.core.compiled import njit
-from shake_ros.core.friction.law import FrictionLaw
-from shake_ros.core.quantities import quantity
-
-CODE = 3
+from shake_ros.core.friction.law import CurveWithStaticLevel
 
 
 @dataclass(frozen=True)
-class HessSoom(FrictionLaw):
+class HessSoom(CurveWithStaticLevel):
     """Parameters of (3.32)."""
 
-    code: ClassVar[int] = CODE
-
-    coulomb_level: float = quantity("N", "Coulomb friction force F_C", low=0.0, high=1e5, live=True)
-    static_level: float = quantity("N", "break-away force F_s", low=0.0, high=1e5, live=True)
-    stribeck_velocity: float = quantity("m/s", "Stribeck velocity v_s", low=1e-6, high=1.0, live=True)
-    viscous: float = quantity("N*s/m", "viscous coefficient F_v", low=0.0, high=1e6, live=True)
-    transition_velocity: float = quantity("m/s", "width of the smooth sign at rest", low=1e-6, high=0.1)
+    code: ClassVar[int] = 3
 
 
 @njit

@@ -15,7 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from shake_ros.core.quantities import Parameters
+from shake_ros.core.quantities import Parameters, quantity
 
 FIRST_DYNAMIC = 10  # laws with a contact state have this number or a higher one
 
@@ -36,3 +36,14 @@ class NoFriction(FrictionLaw):
     """No parameters."""
 
     code: ClassVar[int] = NONE
+
+
+@dataclass(frozen=True)
+class CurveWithStaticLevel(FrictionLaw):
+    """Base of the laws that are a curve from a break-away force down to the Coulomb force."""
+
+    coulomb_level: float = quantity("N", "Coulomb friction force F_C", low=0.0, high=1e5, live=True)
+    static_level: float = quantity("N", "break-away force F_s", low=0.0, high=1e5, live=True)
+    stribeck_velocity: float = quantity("m/s", "Stribeck velocity v_s", low=1e-6, high=1.0, live=True)
+    viscous: float = quantity("N*s/m", "viscous coefficient F_v", low=0.0, high=1e6, live=True)
+    transition_velocity: float = quantity("m/s", "width of the smooth sign at rest", low=1e-6, high=0.1)

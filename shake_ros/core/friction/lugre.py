@@ -28,8 +28,6 @@ from shake_ros.core.compiled import njit
 from shake_ros.core.friction.law import FrictionLaw
 from shake_ros.core.quantities import quantity
 
-CODE = 11
-
 
 @dataclass(frozen=True)
 class Bristles(FrictionLaw):
@@ -53,12 +51,12 @@ class Bristles(FrictionLaw):
 class LuGre(Bristles):
     """The law of (3.42)–(3.44)."""
 
-    code: ClassVar[int] = CODE
+    code: ClassVar[int] = 11
 
 
 @njit
-def level(p, velocity, film):
-    """g(v, h) of (3.43), with a film thickness h > 0 of (3.46) [N]."""
+def contact_level(p, velocity, film, rise):
+    """g(v, h) of (3.43), with a film thickness h > 0 of (3.46) [N]; without a film h = 0, `rise` plays no part."""
     if velocity >= 0.0:
         f_c, f_s = p.friction_coulomb_level, p.friction_static_level
         v_s, n = p.friction_stribeck_velocity, p.friction_stribeck_exponent
@@ -69,33 +67,21 @@ def level(p, velocity, film):
 
 
 @njit
-def deflection(p, z, displacement, velocity_start, velocity, film_start, film):
+def contact_deflection(p, z, displacement, velocity_start, velocity, film_start, film, rise):
     """z after a displacement one way, exact for κ = σ_0/g constant and r = g/σ_0 linear over it (3.42), (3.45) [m]."""
     if displacement == 0.0:
         return z
     sign = 1.0 if displacement > 0.0 else -1.0
     sigma_0 = p.friction_contact_stiffness
     if velocity_start * sign > 0.0 and velocity * sign > 0.0:
-        g_0 = level(p, velocity_start, film_start)
-        g_1 = level(p, velocity, film)
+        g_0 = contact_level(p, velocity_start, film_start, rise)
+        g_1 = contact_level(p, velocity, film, rise)
     else:
-        g_0 = g_1 = level(p, sign * abs(velocity), film)
+        g_0 = g_1 = contact_level(p, sign * abs(velocity), film, rise)
     phi = abs(displacement) * sigma_0 * 0.5 * (1.0 / g_0 + 1.0 / g_1)
     r_0, r_1 = sign * g_0 / sigma_0, sign * g_1 / sigma_0
     decay = math.exp(-phi)
     return r_1 + (z - r_0) * decay + (r_1 - r_0) * math.expm1(-phi) / phi
-
-
-@njit
-def contact_level(p, velocity, memory, rise):
-    """`level` without a film, as all laws with a contact state are asked for it [N]."""
-    return level(p, velocity, 0.0)
-
-
-@njit
-def contact_deflection(p, z, displacement, velocity_start, velocity, memory_start, memory, rise):
-    """`deflection` without a film [m]."""
-    return deflection(p, z, displacement, velocity_start, velocity, 0.0, 0.0)
 
 
 @njit

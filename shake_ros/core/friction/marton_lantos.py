@@ -17,26 +17,20 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from shake_ros.core.compiled import njit
-from shake_ros.core.friction.law import FrictionLaw
+from shake_ros.core.friction.law import CurveWithStaticLevel
 from shake_ros.core.quantities import quantity
-
-CODE = 5
 
 
 @dataclass(frozen=True)
-class MartonLantos(FrictionLaw):
+class MartonLantos(CurveWithStaticLevel):
     """Parameters of (3.35)–(3.38)."""
 
-    code: ClassVar[int] = CODE
+    code: ClassVar[int] = 5
 
-    coulomb_level: float = quantity("N", "Coulomb friction force F_C", low=0.0, high=1e5, live=True)
-    static_level: float = quantity("N", "break-away force F_s", low=0.0, high=1e5, live=True)
     stribeck_velocity: float = quantity("m/s", "Stribeck velocity x_st", low=1e-6, high=1.0, live=True)
-    viscous: float = quantity("N*s/m", "viscous coefficient F_v", low=0.0, high=1e6, live=True)
     largest_velocity: float = quantity(
         "m/s", "largest velocity v_m of the data, where the second line touches", low=1e-3
     )
-    transition_velocity: float = quantity("m/s", "width of the smooth sign at rest", low=1e-6, high=0.1)
 
 
 @njit

@@ -15,10 +15,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from shake_ros.core.compiled import njit
-from shake_ros.core.friction.lugre import Bristles, deflection, level
+from shake_ros.core.friction.lugre import Bristles
 from shake_ros.core.quantities import quantity
-
-CODE = 12
 
 
 @dataclass(frozen=True)
@@ -38,19 +36,7 @@ class Film(Bristles):
 class ModifiedLuGre(Film):
     """The law of (3.45)–(3.51)."""
 
-    code: ClassVar[int] = CODE
-
-
-@njit
-def contact_level(p, velocity, film, rise):
-    """g(v, h) (3.46) [N]."""
-    return level(p, velocity, film)
-
-
-@njit
-def contact_deflection(p, z, displacement, velocity_start, velocity, film_start, film, rise):
-    """z after a displacement one way (3.45) [m]."""
-    return deflection(p, z, displacement, velocity_start, velocity, film_start, film)
+    code: ClassVar[int] = 12
 
 
 @njit

@@ -17,14 +17,12 @@ from shake_ros.core.friction.lugre import viscous_coefficient
 from shake_ros.core.friction.modified_lugre import Film
 from shake_ros.core.quantities import quantity
 
-CODE = 13
-
 
 @dataclass(frozen=True)
 class NewModifiedLuGre(Film):
     """Parameters of (3.52): those of the film and the lead."""
 
-    code: ClassVar[int] = CODE
+    code: ClassVar[int] = 13
 
     fluid_time: float = quantity("s", "time constant T of the fluid friction", low=0.0, high=10.0)
 

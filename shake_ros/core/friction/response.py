@@ -56,7 +56,7 @@ def step(p, state, displacement, velocity_start, velocity, duration):
     memory = state[MEMORY] + duration * memory_rate(p, 0.5 * (velocity_start + velocity), middle)
     force, z = force_after(p, state, displacement, velocity_start, velocity, memory)
     state[DEFLECTION], state[MEMORY] = z, memory
-    if p.friction_kind == armstrong.CODE:
+    if p.friction_kind == armstrong.ARMSTRONG:
         state[DWELL], state[AT_STOP], state[RISE] = armstrong.dwelt(
             p, z, memory, duration, state[DWELL], state[AT_STOP], state[RISE]
         )

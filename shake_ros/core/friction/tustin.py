@@ -23,14 +23,14 @@ from shake_ros.core.compiled import njit
 from shake_ros.core.friction.law import FrictionLaw
 from shake_ros.core.quantities import quantity
 
-CODE = 0
+TUSTIN = 0
 
 
 @dataclass(frozen=True)
 class Tustin(FrictionLaw):
     """Parameters of (3.34)."""
 
-    code: ClassVar[int] = CODE
+    code: ClassVar[int] = TUSTIN
 
     coulomb_level: float = quantity("N", "Coulomb friction force θ_1", low=0.0, high=1e5, live=True)
     stribeck_rise: float = quantity("N", "break-away force above the Coulomb level θ_2", low=0.0, high=1e5, live=True)
@@ -43,30 +43,17 @@ class Tustin(FrictionLaw):
 
 
 @njit
-def level(speed, theta_1, theta_2, theta_3):
-    """Dry friction force at |v| > 0 (3.34) [N]."""
-    return theta_1 + theta_2 * math.exp(-theta_3 * abs(speed))
-
-
-@njit
 def curve_level(p, velocity):
-    """`level` with the numbers of a record [N]."""
-    return level(velocity, p.friction_coulomb_level, p.friction_stribeck_rise, p.friction_stribeck_decay)
+    """Dry friction force at |v| > 0 (3.34) [N]."""
+    fall = math.exp(-p.friction_stribeck_decay * abs(velocity))
+    return p.friction_coulomb_level + p.friction_stribeck_rise * fall
 
 
 @njit
-def direction(velocity, transition_velocity, sharpness):
-    """Smooth sign(v) [-]."""
-    u = velocity / transition_velocity
+def direction(p, velocity):
+    """Smooth sign(v) of the laws that are a curve [-]."""
+    u, sharpness = velocity / p.friction_transition_velocity, p.friction_transition_sharpness
     if sharpness == 0.0:
         return math.tanh(u)
     square = u * u
     return math.tanh(u + sharpness * u * square * (1.0 / 3.0 + square * (0.2 + square / 7.0)))
-
-
-@njit
-def force(velocity, theta_1, theta_2, theta_3, theta_4, transition_velocity, transition_sharpness=0.0):
-    """Friction force (3.34), of the sign of v [N]."""
-    sign = direction(velocity, transition_velocity, transition_sharpness)
-    dry = level(velocity, theta_1, theta_2, theta_3) * sign
-    return dry + theta_4 * velocity

@@ -24,8 +24,8 @@ from shake_ros.core.control.runner import Controller, own_feedforward, step_cont
 from shake_ros.core.observer.runner import NO_MODEL, NO_OBSERVER, Compiled, Observer, step_observer, work
 from shake_ros.core.packing import fields_layout, numbers
 from shake_ros.core.plant.dormand_prince import STAGE, workspace
-from shake_ros.core.plant.integration import OUTPUTS, acceleration_now, advance_sample, outputs
-from shake_ros.core.plant.parameters import TableParameters, records
+from shake_ros.core.plant.integration import OUTPUTS, acceleration_now, advance_late, outputs
+from shake_ros.core.plant.parameters import TableParameters, dead_time, records
 from shake_ros.core.plant.sensors import normal_draws
 from shake_ros.core.plant.simulation import TOLERANCE, workers
 from shake_ros.core.plant.states import BASE, BASE_RATE, POSITION, STATES, VELOCITY
@@ -115,11 +115,8 @@ def run_loop(p, plant, observer, seen, law, state, reference, feedforward, added
             own = own_feedforward(law, wanted)
             state, u = step_controller(state, law, wanted, estimate[k], own, dt)
         command[k] = u
-        for i in range(past.shape[0] - 1, 0, -1):
-            past[i] = past[i - 1]
-        acting = command[k - delay] if k >= delay else 0.0
-        past[0] = min(max(acting, -1.0), 1.0)
-        advance_sample(p, plant, past[whole + 1], past[whole], fraction, 0.0, dt, work, k > 0, TOLERANCE)
+        acting = min(max(command[k - delay] if k >= delay else 0.0, -1.0), 1.0)
+        advance_late(p, plant, past, acting, whole, fraction, 0.0, dt, work, k > 0, TOLERANCE)
         if not math.isfinite(plant[VELOCITY] + plant[POSITION] + u):
             return k
     return reference.shape[0]
@@ -188,8 +185,6 @@ def simulate(loop: Loop) -> tuple[ClosedLoop, int]:
     observer, seen = Compiled(NO_OBSERVER, NO_MODEL), np.zeros(0)
     if loop.observer is not None:
         observer, seen = loop.observer.compiled, loop.observer.initial_state(table.measure(plant, 0).position)
-    delay = loop.table.value("effects.command_delay.delay") / dt
-    whole = math.floor(delay)
     finite = run_loop(
         records(loop.table.vector())[0],
         plant,
@@ -200,7 +195,7 @@ def simulate(loop: Loop) -> tuple[ClosedLoop, int]:
         reference,
         feedforward,
         added,
-        (dt, loop.delay, whole, delay - whole),
+        (dt, loop.delay, *dead_time(loop.table, dt)),
         normal_draws(loop.seed, n),
         work(),
         out,

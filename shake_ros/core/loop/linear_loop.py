@@ -139,7 +139,7 @@ def carried(system: Held, x: Array, past: Array) -> Array:
 
 
 def ahead(system: Held, x: Array, past: Array) -> Array:
-    """The state when the next command begins to act, as `observer.carried.motion_ahead` carries it."""
+    """The state when the next command begins to act, as `observer.law.seen_motion` carries it."""
     for i in range(system.whole):
         x = system.a @ x + np.outer(system.b_late, past[system.whole - i])
         x = x + np.outer(system.b, past[system.whole - i - 1])

@@ -29,23 +29,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.compiled import njit
-from shake_ros.core.observer.carried import (
+from shake_ros.core.observer.law import (
     CARRIED,
-    carried_numbers,
+    SENSORS,
+    CarriedTable,
     carry_copy,
     copy_at,
     kicked,
-    motion_ahead,
     motion_now,
+    pushed,
+    seen_motion,
     sensed_position,
 )
-from shake_ros.core.observer.law import SENSORS
 from shake_ros.core.observer.linear import LinearObserver
 from shake_ros.core.plant.cylinder import load_pressure
+from shake_ros.core.plant.integration import displace
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.reduced import transition
-from shake_ros.core.plant.states import LAGGED_POSITION, POSITION, PRESSURE_A, PRESSURE_B, VELOCITY
-from shake_ros.core.quantities import choice, quantity
+from shake_ros.core.plant.states import PRESSURE_A, PRESSURE_B, VELOCITY
+from shake_ros.core.quantities import quantity
 
 UNKNOWNS = 7
 D, F, B, L = 3, 4, 5, 6  # places in e behind z_1, z_2, z_3
@@ -61,12 +63,11 @@ PRESSURES = (0.0, 0.0, 1.0, 0.0, -1.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
-class FusedObserver(LinearObserver):
+class FusedObserver(CarriedTable, LinearObserver):
     """The name of the table, β and noise levels, which set the gains."""
 
     code: ClassVar[int] = 6
     sensors: ClassVar[tuple[str, ...]] = SENSORS
-    carries_table: ClassVar[bool] = True
     derived: ClassVar[tuple[str, ...]] = (*CARRIED, "lag_share", "patient_samples")
 
     acceleration_noise: float = quantity("m/s^2", "standard deviation of an accelerometer sample", low=1e-6)
@@ -77,9 +78,6 @@ class FusedObserver(LinearObserver):
     bias_memory: float = quantity("s", "time constant with which the bias fades", low=1e-3, high=1e6)
     gate: float = quantity("-", "standard deviations beyond which a reading is ignored", low=1.0, high=1e6)
     patience: float = quantity("s", "time beyond that, or at one value, after which a sensor is left out", low=1e-3)
-    model: str = choice("table configuration of the model")
-    loop_delay: float = quantity("s", "dead time of the feedback beyond the model's", low=0.0, high=0.1, default=0.0)
-    predict: bool = choice("whether the estimate is that of the instant at which the command acts", default=False)
 
     def derive(self, sample_time: float, model: TableParameters | None) -> dict[str, float]:
         """What the copy needs, and the share of its way that the accelerometer's lag goes in a sample."""
@@ -87,12 +85,12 @@ class FusedObserver(LinearObserver):
         lag = model.value("effects.accelerometer_lag.time_constant")
         share = -math.expm1(-sample_time / lag) if lag > 0.0 else 1.0
         own = {"lag_share": share, "patient_samples": max(round(self.patience / sample_time), 1)}
-        return carried_numbers(model, sample_time, self.predict) | own
+        return super().derive(sample_time, model) | own
 
     def started(
         self, estimate: NDArray[np.float64], command: float, sample_time: float, model: TableParameters | None
     ) -> NDArray[np.float64]:
-        """The copy's state, see `carried.copy_at`, without disturbance, force and bias."""
+        """The copy's state, see `copy_at`, without disturbance, force and bias."""
         assert model is not None
         own = np.zeros(SIZE)
         own[3] = estimate[2]
@@ -206,9 +204,7 @@ def observe(state, p, model, measured, command, dt, work, estimate):  # type: ig
     own = state[last:]
     covariance = own[4 : 4 + UNKNOWNS * UNKNOWNS].reshape((UNKNOWNS, UNKNOWNS))
     carry_copy(model, state, last, command, p.dead_samples, p.dead_fraction, dt, work)
-    push = p.pressure_per_acceleration * dt * own[0]
-    state[PRESSURE_A] += push
-    state[PRESSURE_B] -= push
+    pushed(state, p.pressure_per_acceleration * dt * own[0])
     kicked(state, own[1], dt)
     own[1] *= 1.0 - dt / p.force_memory
     own[2] *= 1.0 - dt / p.bias_memory
@@ -233,21 +229,14 @@ def observe(state, p, model, measured, command, dt, work, estimate):  # type: ig
         noise = per_pressure * p.pressure_noise * math.sqrt(1.0 + model.body_area_ratio**2)
         if correct(found, covariance, PRESSURES, away, noise, p.gate, watch, patient):
             misled = True
-    state[POSITION] += found[0]
-    state[LAGGED_POSITION] += found[0]
+    displace(state, found[0])
     state[VELOCITY] += found[1]
-    push = p.pressure_per_acceleration * (found[2] - found[F])
-    state[PRESSURE_A] += push
-    state[PRESSURE_B] -= push
+    pushed(state, p.pressure_per_acceleration * (found[2] - found[F]))
     own[0] += found[D]
     own[1] += found[F]
     own[2] += found[B]
     own[3] += found[L]
     if misled:
         forget(own, covariance)
-    if p.ahead > 0.0:
-        push = p.pressure_per_acceleration * dt * own[0]
-        motion_ahead(model, state, last, push, own[1], p.dead_samples, p.dead_fraction, dt, work, estimate)
-    else:
-        motion_now(model, state, work, estimate)
-        estimate[2] += own[1]
+    push = p.pressure_per_acceleration * dt * own[0]
+    seen_motion(p, model, state, last, push, own[1], dt, work, estimate)

@@ -27,12 +27,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.core.compiled import njit
-from shake_ros.core.observer.carried import carry_copy, copy_at
+from shake_ros.core.observer.law import carry_copy, copy_at
 from shake_ros.core.plant.dormand_prince import STAGE, workspace
-from shake_ros.core.plant.integration import acceleration_now
+from shake_ros.core.plant.integration import acceleration_now, displace
+from shake_ros.core.plant.options import set_load
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters, dead_time, delayed_by
-from shake_ros.core.plant.specimen import set_load
-from shake_ros.core.plant.states import LAGGED_POSITION, POSITION, VELOCITY
+from shake_ros.core.plant.states import POSITION, VELOCITY
 from shake_ros.core.quantities import Parameters, ShakeError, quantity
 
 Array = NDArray[np.float64]
@@ -113,8 +113,7 @@ def answer(model, y, command, position, fixed, work):  # type: ignore[no-untyped
     carry_copy(p, y, y.shape[0], command, fixed.whole, fixed.fraction, fixed.dt, work)
     found = acceleration_now(p, y, work[STAGE])
     away = position - y[POSITION]
-    y[POSITION] += 2.0 * fixed.hold * fixed.dt * away
-    y[LAGGED_POSITION] += 2.0 * fixed.hold * fixed.dt * away
+    displace(y, 2.0 * fixed.hold * fixed.dt * away)
     y[VELOCITY] += fixed.hold * fixed.hold * fixed.dt * away
     return found
 
@@ -162,7 +161,7 @@ def track(state, fixed, model, position, acceleration, command, work):  # type: 
     model : the table's record, an array of one; the specimen in it is changed. position [m], acceleration [m/s²] :
         measured now.
     command : held since the sample before [-].
-    work : from `carried.work`.
+    work : from `law.work`.
     """
     slope = np.empty(UNKNOWNS)
     for k in range(state.theta.shape[0]):

@@ -13,48 +13,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
 from shake_ros.core.compiled import njit
-from shake_ros.core.observer.carried import (
-    CARRIED,
-    carried_numbers,
-    carry_copy,
-    copy_at,
-    motion_ahead,
-    motion_now,
-    sensed_position,
-)
+from shake_ros.core.observer.law import CARRIED, CarriedTable, carry_copy, pushed, seen_motion, sensed_position
 from shake_ros.core.observer.linear import LinearObserver
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.plant.states import LAGGED_POSITION, POSITION, PRESSURE_A, PRESSURE_B, VELOCITY
-from shake_ros.core.quantities import choice, quantity
+from shake_ros.core.plant.integration import displace
+from shake_ros.core.plant.states import VELOCITY
 
 
 @dataclass(frozen=True)
-class ModelObserver(LinearObserver):
+class ModelObserver(CarriedTable, LinearObserver):
     """The name of the table, and the linear observer's β and noise levels, which set the gain."""
 
     code: ClassVar[int] = 3
-    carries_table: ClassVar[bool] = True
     derived: ClassVar[tuple[str, ...]] = (*LinearObserver.derived, *CARRIED)
-
-    model: str = choice("table configuration of the model")
-    loop_delay: float = quantity("s", "dead time of the feedback beyond the model's", low=0.0, high=0.1, default=0.0)
-    predict: bool = choice("whether the estimate is that of the instant at which the command acts", default=False)
-
-    def derive(self, sample_time: float, model: TableParameters | None) -> dict[str, float]:
-        """The gains on the innovation, and what the copy needs."""
-        assert model is not None
-        return super().derive(sample_time, model) | carried_numbers(model, sample_time, self.predict)
-
-    def started(
-        self, estimate: NDArray[np.float64], command: float, sample_time: float, model: TableParameters | None
-    ) -> NDArray[np.float64]:
-        """The copy's state, see `carried.copy_at`, without a disturbance."""
-        assert model is not None
-        return np.append(copy_at(estimate, model, sample_time, command), 0.0)
 
 
 @njit
@@ -71,15 +42,9 @@ def observe(state, p, model, measured, command, dt, work, estimate):  # type: ig
     carry_copy(model, state, last, command, p.dead_samples, p.dead_fraction, dt, work)
     innovation = measured[0] - sensed_position(model, state)
     disturbance = state[last]
-    state[POSITION] += p.position_gain * innovation
-    state[LAGGED_POSITION] += p.position_gain * innovation
+    displace(state, p.position_gain * innovation)
     state[VELOCITY] += p.velocity_gain * innovation
-    push = p.pressure_per_acceleration * (p.acceleration_gain * innovation + dt * disturbance)
-    state[PRESSURE_A] += push
-    state[PRESSURE_B] -= push
+    pushed(state, p.pressure_per_acceleration * (p.acceleration_gain * innovation + dt * disturbance))
     state[last] = disturbance + p.disturbance_gain * innovation
-    if p.ahead > 0.0:
-        push = p.pressure_per_acceleration * dt * state[last]
-        motion_ahead(model, state, last, push, 0.0, p.dead_samples, p.dead_fraction, dt, work, estimate)
-    else:
-        motion_now(model, state, work, estimate)
+    push = p.pressure_per_acceleration * dt * state[last]
+    seen_motion(p, model, state, last, push, 0.0, dt, work, estimate)

@@ -18,35 +18,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
 from shake_ros.core.compiled import njit
-from shake_ros.core.observer.carried import (
-    CARRIED,
-    carried_numbers,
-    carry_copy,
-    copy_at,
-    motion_ahead,
-    motion_now,
-    sensed_position,
-)
-from shake_ros.core.observer.law import ObserverParameters
+from shake_ros.core.observer.law import CarriedTable, carry_copy, pushed, seen_motion, sensed_position
 from shake_ros.core.observer.sliding_mode import injection
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.plant.states import LAGGED_POSITION, POSITION, PRESSURE_A, PRESSURE_B, VELOCITY
-from shake_ros.core.quantities import choice, quantity
+from shake_ros.core.plant.integration import displace
+from shake_ros.core.plant.states import VELOCITY
+from shake_ros.core.quantities import quantity
 
 
 @dataclass(frozen=True)
-class ModelSlidingModeObserver(ObserverParameters):
+class ModelSlidingModeObserver(CarriedTable):
     """The name of the table, the gains of (6.39) and of the disturbance, the boundary layers."""
 
     code: ClassVar[int] = 5
-    carries_table: ClassVar[bool] = True
-    derived: ClassVar[tuple[str, ...]] = CARRIED
 
-    model: str = choice("table configuration of the model")
     lambda1: float = quantity("m/s", "injection into the position's rate", low=1e-9)
     lambda2: float = quantity("m/s^2", "injection into the velocity's rate", low=1e-9)
     lambda3: float = quantity("m/s^3", "injection into the acceleration's rate", low=1e-9)
@@ -56,20 +41,6 @@ class ModelSlidingModeObserver(ObserverParameters):
     boundary3: float = quantity("m/s^2", "boundary layer of the acceleration error, 0 for a sign", low=0.0)
     boundary4: float = quantity("m/s^3", "boundary layer of the disturbance's error, 0 for a sign", low=0.0)
     jerk_per_command: float = quantity("m/s^3", "jerk per unit of command, β_3 where the gains hold", low=1e-6)
-    loop_delay: float = quantity("s", "dead time of the feedback beyond the model's", low=0.0, high=0.1, default=0.0)
-    predict: bool = choice("whether the estimate is that of the instant at which the command acts", default=False)
-
-    def derive(self, sample_time: float, model: TableParameters | None) -> dict[str, float]:
-        """What the copy needs."""
-        assert model is not None
-        return carried_numbers(model, sample_time, self.predict)
-
-    def started(
-        self, estimate: NDArray[np.float64], command: float, sample_time: float, model: TableParameters | None
-    ) -> NDArray[np.float64]:
-        """The copy's state, see `carried.copy_at`, without a disturbance."""
-        assert model is not None
-        return np.append(copy_at(estimate, model, sample_time, command), 0.0)
 
 
 @njit
@@ -80,8 +51,7 @@ def observe(state, p, model, measured, command, dt, work, estimate):  # type: ig
     # (5.48), first stage
     gain = p.lambda1
     s = injection(measured[0] - sensed_position(model, state), gain, p.boundary1, dt)
-    state[POSITION] += dt * gain * s
-    state[LAGGED_POSITION] += dt * gain * s
+    displace(state, dt * gain * s)
     if abs(s) < 1.0:  # E_2 (5.49)
         s = injection(gain * s, p.lambda2, p.boundary2, dt)
         gain = p.lambda2
@@ -89,13 +59,8 @@ def observe(state, p, model, measured, command, dt, work, estimate):  # type: ig
         if abs(s) < 1.0:  # E_3
             s = injection(gain * s, p.lambda3, p.boundary3, dt)
             gain = p.lambda3
-            push = p.pressure_per_acceleration * dt * gain * s
-            state[PRESSURE_A] += push
-            state[PRESSURE_B] -= push
+            pushed(state, p.pressure_per_acceleration * dt * gain * s)
             if abs(s) < 1.0 and p.lambda4 > 0.0:  # E_4
                 s = injection(gain * s, p.lambda4, p.boundary4, dt)
                 state[last] += dt * p.lambda4 * s / p.jerk_per_command
-    if p.ahead > 0.0:
-        motion_ahead(model, state, last, 0.0, 0.0, p.dead_samples, p.dead_fraction, dt, work, estimate)
-    else:
-        motion_now(model, state, work, estimate)
+    seen_motion(p, model, state, last, 0.0, 0.0, dt, work, estimate)

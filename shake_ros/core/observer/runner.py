@@ -27,8 +27,7 @@ from numpy.typing import NDArray
 
 from shake_ros.core.compiled import njit
 from shake_ros.core.observer import OBSERVERS
-from shake_ros.core.observer.carried import work
-from shake_ros.core.observer.law import SENSORS, ObserverParameters
+from shake_ros.core.observer.law import SENSORS, CarriedTable, ObserverParameters, work
 from shake_ros.core.packing import dispatch, kernel_of, layout, records, written
 from shake_ros.core.plant.parameters import DELAY, FULL_LAYOUT, NAMES, TableParameters, delayed_by
 from shake_ros.core.quantities import OutOfBounds, ShakeError, unknown_name
@@ -123,15 +122,13 @@ class Observer:
         self.kind = kind
         self.parameters = parameters
         self.sample_time = float(sample_time)
-        self._model = None
-        if parameters.carries_table and model is not None:
-            self._model = delayed_by(model, getattr(parameters, "loop_delay", 0.0))
-        if parameters.carries_table and model is None:
-            named = getattr(parameters, "model", "")
-            raise ShakeError(f"observer '{kind}': the table '{named}' of its model was not given")
-        predicts = getattr(parameters, "predict", False)
-        self.lead = float(self._model.value(DELAY)) if self._model is not None and predicts else 0.0
-        record = NO_MODEL if self._model is None else FULL_LAYOUT.alone(self._model.vector())
+        self._model, self.lead, record = None, 0.0, NO_MODEL
+        if isinstance(parameters, CarriedTable):
+            if model is None:
+                raise ShakeError(f"observer '{kind}': the table '{parameters.model}' of its model was not given")
+            self._model = delayed_by(model, parameters.loop_delay)
+            self.lead = self._model.value(DELAY) if parameters.predict else 0.0
+            record = FULL_LAYOUT.alone(self._model.vector())
         derived = parameters.derive(self.sample_time, self._model)
         self.compiled = Compiled(records(OBSERVERS, parameters, derived=derived), record)
         self._step = step_of(kind)

@@ -58,7 +58,7 @@ def observe(state, p, model, measured, command, dt, work, estimate):  # type: ig
     measured : now; position [m], acceleration [m/s²], P_A, P_B [Pa], NaN where there is no such sensor
     command : u held since the sample before [-]
     dt : sample time [s]
-    work : from `carried.work`
+    work : from `law.work`
     estimate : (3,) array for the result: position [m], velocity [m/s], acceleration [m/s²] now
     """
     following = advance(state, p, command, 0.0, dt)

@@ -64,9 +64,7 @@ def carry(p, y, force, place, h):
         drag = p.quadratic_drag_coefficient * abs(middle) * middle
         net -= drag
         free -= reach * drag
-    dry = dry_level(
-        p.axis_coulomb, place, p.position_dependent_friction_gradient, p.position_dependent_friction_curvature
-    )
+    dry = dry_level(p, p.axis_coulomb, place)
     dry = max(dry + unlisted(p, FRICTION_OF_POSITION, place, velocity=abs(v), clock=clock), 0.0)
     dry *= 1.0 + share if free > 0.0 else 1.0 - share
     distance = p.presliding_friction_distance

@@ -24,9 +24,8 @@ import numpy as np
 
 from shake_ros.core.compiled import inlined_kernel, kernel, njit
 from shake_ros.core.plant.right_hand_side import table_rates
-from shake_ros.core.plant.specimen import LARGEST_STOREYS
-from shake_ros.core.plant.states import CONTINUOUS, DECLARED, SPOOL, SPOOL_RATE
-from shake_ros.core.valve.detailed import CODE as DETAILED
+from shake_ros.core.plant.states import CONTINUOUS, DECLARED, LARGEST_STOREYS, SPOOL, SPOOL_RATE
+from shake_ros.core.valve.detailed import DETAILED
 from shake_ros.core.valve.simplified import halt, limited_motion, motion_weights, rest_position
 
 NODES = (1.0 / 5.0, 3.0 / 10.0, 4.0 / 5.0, 8.0 / 9.0, 1.0)  # instants of the stages in parts of the step

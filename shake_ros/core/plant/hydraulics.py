@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 
 from shake_ros.core.bulk_modulus import modulus
-from shake_ros.core.bulk_modulus.constant import CODE as CONSTANT
 from shake_ros.core.bulk_modulus.ifas import mixture
+from shake_ros.core.bulk_modulus.law import CONSTANT
 from shake_ros.core.compiled import inlined_kernel, kernel
 from shake_ros.core.effects.hydraulics import exchanged, lightness, stiffness, thickness, warmer
 from shake_ros.core.effects.hydraulics import factor as soft_zone_factor
@@ -23,8 +23,8 @@ from shake_ros.core.effects.unlisted import (
 )
 from shake_ros.core.effects.unlisted import value as unlisted
 from shake_ros.core.effects.valve import effective_spool, effective_underlap, flow_factor
-from shake_ros.core.plant.chamber import acting_pressure, flow_rate, half_volume
 from shake_ros.core.plant.cylinder import chamber_volumes, load_pressure
+from shake_ros.core.plant.options import chamber_pressure, half_line_volume, line_flow_rate
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.states import (
     LINE_FLOW_A,
@@ -71,12 +71,6 @@ def underlap_left(table: TableParameters) -> float:
     """Underlap that is open in the middle of a table's valve, with what a dead band closes taken off [-]."""
     width, closed = (table.value(f"effects.spool_deadband.{name}") for name in ("width", "closed"))
     return max(float(effective_underlap(table.value("valve.underlap"), width, closed)), 0.0)
-
-
-@kernel
-def chamber_pressure(p, liquid_pressure):
-    """Pressure that acts in a chamber, from the state [Pa]."""
-    return acting_pressure(liquid_pressure, p.cavitation_pressure, p.cavitation_width)
 
 
 @kernel
@@ -131,15 +125,14 @@ def exchange_compliance(p, p_a, p_b):
 @kernel
 def pipeline_flows(p, y, clock, p_a, p_b, p_s, rates):
     """Flow into A, out of B and drawn from the supply [m³/s] with pipelines; their rates into `rates`."""
-    length, diameter, rho, eta = p.pipelines_length, p.pipelines_diameter, p.pipelines_density, p.pipelines_viscosity
     p_1, p_2 = chamber_pressure(p, y[LINE_PRESSURE_A]), chamber_pressure(p, y[LINE_PRESSURE_B])
     q_1, q_2, q_s = port_flows(p, y[SPOOL], clock, p_1, p_2, p_s)
     q_a, q_b = y[LINE_FLOW_A], y[LINE_FLOW_B]
-    half = half_volume(length, diameter)
+    half = half_line_volume(p)
     rates[LINE_PRESSURE_A] = oil_modulus(p, p_1) / half * (q_1 - q_a)
     rates[LINE_PRESSURE_B] = oil_modulus(p, p_2) / half * (q_b - q_2)
-    rates[LINE_FLOW_A] = flow_rate(q_a, p_1, p_a, length, diameter, rho, eta)
-    rates[LINE_FLOW_B] = flow_rate(q_b, p_b, p_2, length, diameter, rho, eta)
+    rates[LINE_FLOW_A] = line_flow_rate(p, q_a, p_1, p_a)
+    rates[LINE_FLOW_B] = line_flow_rate(p, q_b, p_b, p_2)
     return q_a, q_b, q_s
 
 
@@ -151,7 +144,7 @@ def pressure_rates(p, y, clock, p_a, p_b, piston, piston_velocity, rates):
     dead = p.dead_volume_volume
     if p.pipelines_length > 0.0:
         q_a, q_b, q_s = pipeline_flows(p, y, clock, p_a, p_b, p_s, rates)
-        dead += half_volume(p.pipelines_length, p.pipelines_diameter)
+        dead += half_line_volume(p)
     else:
         q_a, q_b, q_s = port_flows(p, y[SPOOL], clock, p_a, p_b, p_s)
     e_a, e_b = chamber_moduli(p, p_a, p_b)

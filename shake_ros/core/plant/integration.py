@@ -27,10 +27,9 @@ import numpy as np
 from shake_ros.core.compiled import kernel, njit
 from shake_ros.core.effects.friction import deflection
 from shake_ros.core.friction import is_dynamic
-from shake_ros.core.friction.armstrong import CODE as ARMSTRONG
-from shake_ros.core.friction.armstrong import dwelt
+from shake_ros.core.friction.armstrong import ARMSTRONG, dwelt
 from shake_ros.core.plant.dormand_prince import PACE, PATH, STAGE, STAGES, dormand_prince, spool_path, workspace
-from shake_ros.core.plant.hydraulics import chamber_pressure
+from shake_ros.core.plant.options import chamber_pressure
 from shake_ros.core.plant.right_hand_side import (
     SHORTEST_LAG,
     active_states,
@@ -67,9 +66,8 @@ from shake_ros.core.plant.states import (
     VALVE_TIME,
     VELOCITY,
 )
-from shake_ros.core.valve.detailed import CODE as DETAILED
+from shake_ros.core.valve.detailed import DETAILED, VALVE_STATES, carry_valve
 from shake_ros.core.valve.detailed import SPOOL as VALVE_SPOOL
-from shake_ros.core.valve.detailed import VALVE_STATES, carry_valve
 from shake_ros.core.valve.simplified import backlash
 
 # A row of the work array within a sample: what to do, time since its start [s], number of instants, the next, and all
@@ -98,6 +96,13 @@ def end_sample(row, kept):
     kept[0] = row[COUNT]
     for i in range(min(int(row[COUNT]), MOST)):
         kept[1 + i] = row[INSTANTS + i]
+
+
+@kernel
+def displace(y, distance):
+    """Move the table and what its transducer shows by a distance [m], in place."""
+    y[POSITION] += distance
+    y[LAGGED_POSITION] += distance
 
 
 @kernel
@@ -291,9 +296,7 @@ def follow(p, y, measured):
     Volumes and position-dependent effects then see the true place though a free run would drift off the stroke. A slow
     transducer shows where the table was: at 0.3 m/s behind a lag of 90 ms it is 27 mm further on.
     """
-    shift = measured - position_sensor(p, y)
-    y[POSITION] += shift
-    y[LAGGED_POSITION] += shift
+    displace(y, measured - position_sensor(p, y))
 
 
 @kernel
@@ -325,6 +328,18 @@ def advance_sample(p, y, late, timely, fraction, force, dt, work, known, toleran
         acceleration = hold(p, y, timely, force, (1.0 - fraction) * dt, n, work, known, tolerance)
     y[CLOCK] += dt
     return acceleration
+
+
+@kernel
+def advance_late(p, y, past, u, whole, fraction, force, dt, work, known, tolerance):
+    """`advance_sample` under a new command u; `past` : commands before, newest first, in which it takes its place.
+
+    whole, fraction : dead time in samples.
+    """
+    for i in range(past.shape[0] - 1, 0, -1):
+        past[i] = past[i - 1]
+    past[0] = u
+    return advance_sample(p, y, past[whole + 1], past[whole], fraction, force, dt, work, known, tolerance)
 
 
 @kernel

@@ -23,8 +23,7 @@ from shake_ros.core.bulk_modulus import BULK_MODULI, BulkModulusLaw
 from shake_ros.core.effects import EFFECTS, Effect
 from shake_ros.core.friction import FRICTIONS, FrictionLaw
 from shake_ros.core.packing import field_value, name_of, union_fields
-from shake_ros.core.plant.chamber import Cavitation, Pipelines
-from shake_ros.core.plant.specimen import ShearFrame
+from shake_ros.core.plant.options import Cavitation, Pipelines, ShearFrame
 from shake_ros.core.quantities import Parameters, ShakeError, member_from, quantity, strict_keys, unknown_name
 from shake_ros.core.valve import VALVES
 

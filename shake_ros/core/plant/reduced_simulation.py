@@ -84,14 +84,8 @@ def opening(p, y, u, h):
 @njit
 def dry_friction(p, position, velocity):
     """Dry friction per moved mass in the direction of a velocity [m/s²]."""
-    level = dry_level(
-        p.coulomb_friction_force,
-        position,
-        p.position_dependent_friction_gradient,
-        p.position_dependent_friction_curvature,
-    )
     share = p.friction_asymmetry_asymmetry
-    return level * (1.0 + share if velocity > 0.0 else 1.0 - share)
+    return dry_level(p, p.coulomb_friction_force, position) * (1.0 + share if velocity > 0.0 else 1.0 - share)
 
 
 @njit
@@ -106,13 +100,7 @@ def carry(p, y, x_e, place, h):
     w /= mass  # as it moves the table without its specimen
     force = p.constant_force_force - p.stiffness_to_ground_stiffness * place
     if p.specimen_resonance_mass > 0.0:
-        force += spring_force(
-            y[SPECIMEN],
-            y[SPECIMEN_RATE],
-            p.specimen_resonance_mass,
-            p.specimen_resonance_frequency,
-            p.specimen_resonance_damping,
-        )
+        force += spring_force(p, p.specimen_resonance_mass, y[SPECIMEN], y[SPECIMEN_RATE])
     force /= mass
     free = f11 * v + f12 * w + i12 * jerk + i11 * force
     if p.quadratic_drag_coefficient > 0.0:
@@ -136,10 +124,7 @@ def carry(p, y, x_e, place, h):
 def sensors(p, y, h):
     """Low-passes of the sensors and the specimen over a step, in place, exact for what is held."""
     if p.specimen_resonance_mass > 0.0:
-        pull = spring_force(
-            y[SPECIMEN], y[SPECIMEN_RATE], 1.0, p.specimen_resonance_frequency, p.specimen_resonance_damping
-        )
-        y[SPECIMEN_RATE] -= h * (y[ACCELERATION] + pull)
+        y[SPECIMEN_RATE] -= h * (y[ACCELERATION] + spring_force(p, 1.0, y[SPECIMEN], y[SPECIMEN_RATE]))
         y[SPECIMEN] += h * y[SPECIMEN_RATE]
     tau = p.accelerometer_lag_time_constant
     share = math.exp(-h / tau) if tau > 0.0 else 0.0

@@ -30,13 +30,13 @@ from shake_ros.core.friction import (
     is_dynamic,
     memory_rate,
     micro_damping,
+    tustin,
     viscous_coefficient,
 )
-from shake_ros.core.friction.tustin import CODE as TUSTIN
-from shake_ros.core.friction.tustin import direction, level
+from shake_ros.core.friction.tustin import TUSTIN
 from shake_ros.core.plant.cylinder import load_pressure
-from shake_ros.core.plant.hydraulics import chamber_pressure, pressure_rates
-from shake_ros.core.plant.specimen import foot_force, storey_rates
+from shake_ros.core.plant.hydraulics import pressure_rates
+from shake_ros.core.plant.options import chamber_pressure, foot_force, storey_rates
 from shake_ros.core.plant.states import (
     BASE,
     BASE_RATE,
@@ -63,7 +63,7 @@ from shake_ros.core.plant.states import (
     STOREY,
     VELOCITY,
 )
-from shake_ros.core.valve.detailed import CODE as DETAILED
+from shake_ros.core.valve.detailed import DETAILED
 from shake_ros.core.valve.ports import acts
 from shake_ros.core.valve.simplified import spool_acceleration
 
@@ -123,8 +123,7 @@ def friction_force(p, velocity, position, displacement, start, velocity_start, m
     """
     micro, viscous = 0.0, p.friction_viscous
     if p.friction_kind == TUSTIN:  # (6.10), first for speed
-        dry = level(velocity, p.friction_coulomb_level, p.friction_stribeck_rise, p.friction_stribeck_decay)
-        sign = direction(velocity, p.friction_transition_velocity, p.friction_transition_sharpness)
+        dry, sign = tustin.curve_level(p, velocity), tustin.direction(p, velocity)
     else:
         dry, sign, micro = dry_friction(p, velocity, displacement, start, velocity_start, memory)
         viscous = viscous_coefficient(p, velocity)
@@ -132,7 +131,7 @@ def friction_force(p, velocity, position, displacement, start, velocity_start, m
         viscous *= thickness(warmer(start[CLOCK], p.oil_warming_rate), p.oil_warming_viscosity_decay)
     if p.presliding_friction_distance > 0.0 and not is_dynamic(p):
         sign = deflection(start[BRISTLE], displacement, p.presliding_friction_distance)
-    dry = dry_level(dry, position, p.position_dependent_friction_gradient, p.position_dependent_friction_curvature)
+    dry = dry_level(p, dry, position)
     speed, clock = abs(velocity), start[CLOCK]
     dry *= 1.0 + unlisted(p, FRICTION_FACTOR_OF_POSITION, position, velocity=speed, pressure=load, clock=clock)
     dry += unlisted(p, FRICTION_OF_POSITION, position, velocity=speed, pressure=load, clock=clock)
@@ -220,16 +219,10 @@ def table_rates(p, y, start, external_force, n, rates):
         return rates[VELOCITY]
 
     if p.specimen_resonance_mass > 0.0:
-        on_table += spring_force(
-            y[SPECIMEN],
-            y[SPECIMEN_RATE],
-            p.specimen_resonance_mass,
-            p.specimen_resonance_frequency,
-            p.specimen_resonance_damping,
-        )
+        on_table += spring_force(p, p.specimen_resonance_mass, y[SPECIMEN], y[SPECIMEN_RATE])
         mass = max(mass - p.specimen_resonance_mass, 0.02 * mass)
     if p.frame_storeys > 0.0:
-        on_table += foot_force(y, STOREY, p.frame_stiffness, p.frame_damping)
+        on_table += foot_force(p, y)
     return extended_rates(p, y, q_s, on_rod, on_table, mass, split, piston_velocity, rates)
 
 
@@ -249,27 +242,11 @@ def valve_load(p, y, force, n, rates):
 @inlined_kernel
 def extended_rates(p, y, q_s, on_rod, on_table, mass, split, piston_velocity, rates):
     """Rates of the velocity and of the states that only effects have; returns the absolute acceleration [m/s²]."""
-    base_acc = 0.0
     base = p.base_flexibility_compliance > 0.0
-    if base:
-        base_acc = base_acceleration(
-            y[BASE],
-            y[BASE_RATE],
-            on_rod,
-            p.base_flexibility_compliance,
-            p.base_flexibility_frequency,
-            p.base_flexibility_damping,
-        )
+    base_acc = base_acceleration(p, y[BASE], y[BASE_RATE], on_rod) if base else 0.0
     if split:
         m_r = min(p.coupling_backlash_rod_mass, 0.5 * mass)
-        contact = contact_force(
-            y[ROD],
-            y[ROD_RATE],
-            p.coupling_backlash_gap,
-            p.coupling_backlash_stiffness,
-            m_r,
-            p.coupling_backlash_damping,
-        )
+        contact = contact_force(p, m_r, y[ROD], y[ROD_RATE])
         acceleration = (contact + on_table) / (mass - m_r)
         rates[ROD] = y[ROD_RATE]
         rates[ROD_RATE] = (on_rod - contact) / m_r - acceleration
@@ -280,33 +257,20 @@ def extended_rates(p, y, q_s, on_rod, on_table, mass, split, piston_velocity, ra
     rates[VELOCITY] = acceleration - base_acc
     rates[BASE] = y[BASE_RATE] if base else 0.0
     rates[BASE_RATE] = base_acc
-    resonance = p.specimen_resonance_mass > 0.0
-    if resonance:
-        omega_term = spring_force(
-            y[SPECIMEN], y[SPECIMEN_RATE], 1.0, p.specimen_resonance_frequency, p.specimen_resonance_damping
-        )
+    if p.specimen_resonance_mass > 0.0:
         rates[SPECIMEN] = y[SPECIMEN_RATE]
-        rates[SPECIMEN_RATE] = -acceleration - omega_term
+        rates[SPECIMEN_RATE] = -acceleration - spring_force(p, 1.0, y[SPECIMEN], y[SPECIMEN_RATE])
     else:
         rates[SPECIMEN] = 0.0
         rates[SPECIMEN_RATE] = 0.0
     rates[PRESSURE_SUPPLY] = 0.0
     if p.supply_droop_resistance != 0.0:
-        rates[PRESSURE_SUPPLY] = pressure_rate(
-            y[PRESSURE_SUPPLY],
-            p.supply_supply_pressure,
-            q_s,
-            p.supply_droop_resistance,
-            p.supply_droop_time_constant,
-        )
+        rates[PRESSURE_SUPPLY] = pressure_rate(p, y[PRESSURE_SUPPLY], q_s)
     rates[FILM] = 0.0
     if p.film_friction_relief != 0.0:
-        rates[FILM] = film_rate(
-            y[FILM], piston_velocity, p.film_friction_full_film_velocity, p.film_friction_time_constant
-        )
+        rates[FILM] = film_rate(p, y[FILM], piston_velocity)
     if p.frame_storeys > 0.0:
-        storeys = int(p.frame_storeys)
-        storey_rates(y, STOREY, storeys, p.frame_mass, p.frame_stiffness, p.frame_damping, acceleration, rates)
+        storey_rates(p, y, acceleration, rates)
     rates[FRICTION_MEMORY] = memory_rate(p, piston_velocity, y[FRICTION_MEMORY])
     tau_a = p.accelerometer_lag_time_constant
     rates[LAGGED_ACCELERATION] = (

@@ -31,8 +31,7 @@ from shake_ros.core.plant.states import (
     VELOCITY,
 )
 from shake_ros.core.quantities import ShakeError
-from shake_ros.core.valve.detailed import CODE as DETAILED
-from shake_ros.core.valve.detailed import VALVE_STATES, valve_at_rest
+from shake_ros.core.valve.detailed import DETAILED, VALVE_STATES, valve_at_rest
 
 TOLERANCE = 2e-6  # relative local error of a step; keeps the acceleration within 0.1 % of Radau (test_integration.py)
 SMOOTH = 1e-6  # the same of a fit, whose batches follow the steps of their first run (integration.py)

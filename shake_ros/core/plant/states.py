@@ -7,8 +7,7 @@ of the friction laws, and the integrator's step.
 
 from __future__ import annotations
 
-from shake_ros.core.plant.specimen import LARGEST_STOREYS
-
+LARGEST_STOREYS = 10
 POSITION = 0  # x_p, piston relative to the base [m]
 VELOCITY = 1  # ẋ_p [m/s]
 PRESSURE_A = 2  # P_A [Pa]

@@ -13,9 +13,9 @@ import numpy as np
 
 from shake_ros.core.compiled import njit
 from shake_ros.core.plant.dormand_prince import STAGE, workspace
-from shake_ros.core.plant.hydraulics import chamber_pressure
-from shake_ros.core.plant.integration import OUTPUTS, acceleration_now, advance_sample, outputs
-from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
+from shake_ros.core.plant.integration import OUTPUTS, acceleration_now, advance_late, outputs
+from shake_ros.core.plant.options import chamber_pressure
+from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters, dead_time
 from shake_ros.core.plant.sensors import SensorNoise
 from shake_ros.core.plant.simulation import TOLERANCE, initial_state
 from shake_ros.core.plant.states import BASE, BASE_RATE, POSITION, PRESSURE_A, PRESSURE_B, STATES, VELOCITY
@@ -23,9 +23,9 @@ from shake_ros.core.quantities import ShakeError
 
 
 @njit
-def advance_one(table, y, late, timely, fraction, force, dt, work, tolerance):
-    """Integrate one sample in place, as `advance_sample` does. table : parameter records, shape (1,)."""
-    return advance_sample(table[0], y, late, timely, fraction, force, dt, work, False, tolerance)
+def advance_one(table, y, u, whole, fraction, force, dt, work, tolerance):
+    """Integrate one sample in place, as `advance_late` does. table : parameter records, shape (1,)."""
+    return advance_late(table[0], y, y[STATES:], u, whole, fraction, force, dt, work, False, tolerance)
 
 
 @njit
@@ -80,8 +80,7 @@ class Table:
         self._vector = parameters.vector()
         self._records = FULL_LAYOUT.alone(self._vector)
         self._noise = SensorNoise(parameters.sensors, seed)
-        delay = parameters.value("effects.command_delay.delay") / sample_time
-        self._whole, self._fraction = math.floor(delay), delay - math.floor(delay)
+        self._whole, self._fraction = dead_time(parameters, sample_time)
         self._history = self._whole + 2
         self._work = workspace()
         self._row = np.zeros(OUTPUTS)
@@ -121,20 +120,8 @@ class Table:
         if not math.isfinite(u) or not math.isfinite(force):
             raise ShakeError(f"valve command {u!r} with force {force!r} is not finite")
         y = state.copy()
-        past = y[STATES:]
-        past[1:] = past[:-1].copy()
-        past[0] = min(max(u, -1.0), 1.0)
-        advance_one(
-            self._records,
-            y,
-            past[self._whole + 1],
-            past[self._whole],
-            self._fraction,
-            force,
-            self.sample_time,
-            self._work,
-            self.tolerance,
-        )
+        acting, late = min(max(u, -1.0), 1.0), (self._whole, self._fraction)
+        advance_one(self._records, y, acting, *late, force, self.sample_time, self._work, self.tolerance)
         if not math.isfinite(y[VELOCITY]) or not math.isfinite(y[POSITION]):
             raise ShakeError("the simulated table diverged")
         return y

@@ -3,7 +3,7 @@
     viscous friction ∝ η,  laminar leakage ∝ 1/η,  flow coefficient ∝ 1/√ρ,  laminar pressure ∝ η²/ρ,
     bulk modulus · (1 − γ (T − T_0)),  oil of the pipelines and the pilot stage ∝ η, ρ
 
-η and ρ follow from fluid/oil.py; the laminar pressure is the drop at which the jet of an
+η and ρ follow from fluid.py; the laminar pressure is the drop at which the jet of an
 edge has its Reynolds number of transition, v d/ν with v = √(2Δp/ρ). γ is a few thousandths per kelvin (Eggerth's
 formula gives 3.8e-3 between 20 and 50 °C at 100 bar). The result is a table like any other, so temperature costs a
 simulation nothing. A table's file asks for it by its section `fluid`.
@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from shake_ros.core.fluid.oil import OilParameters, density_at_temperature, viscosity_at_temperature
+from shake_ros.core.fluid import OilParameters, density_at_temperature, viscosity_at_temperature
 from shake_ros.core.plant.parameters import INDEX, TableParameters
 from shake_ros.core.quantities import Parameters, ShakeError, quantity
 

@@ -34,7 +34,7 @@ from shake_ros.core.quantities import Parameters, quantity
 from shake_ros.core.valve.ports import acts, flow_force, sroot
 
 CURRENT, FLAPPER, FLAPPER_RATE, NOZZLE_1, NOZZLE_2, OUTLET, SPOOL, SPOOL_RATE = range(8)
-CODE = 1
+DETAILED = 1
 VALVE_STATES = 8
 MAGNETIC_CONSTANT = 4e-7 * math.pi  # [N/A²]
 SUBSTEP = 2e-5  # [s] largest Runge–Kutta step
@@ -45,7 +45,7 @@ STOP_RATIO = 30.0  # stiffness of the flapper on a nozzle, in flexure stiffnesse
 class DetailedValve(Parameters):
     """Parameters of (3.1)–(3.16) and of the ports (3.17), (3.18)."""
 
-    code: ClassVar[int] = CODE
+    code: ClassVar[int] = DETAILED
 
     amplifier_gain: float = quantity("A", "coil current at full command K_ca", low=1e-4, high=10.0)
     coil_time: float = quantity("s", "time constant L/R of the coil (3.1), 0 for none", low=0.0, high=0.1)

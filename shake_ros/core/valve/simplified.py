@@ -16,7 +16,6 @@ from typing import ClassVar
 from shake_ros.core.compiled import njit
 from shake_ros.core.quantities import Parameters, quantity
 
-CODE = 0
 FINE = 0.02  # ω_v times the small steps of `limited_motion`
 
 
@@ -24,7 +23,7 @@ FINE = 0.02  # ω_v times the small steps of `limited_motion`
 class SimplifiedValve(Parameters):
     """Parameters of (3.19)–(3.22) and of the ports (3.17), (6.12)."""
 
-    code: ClassVar[int] = CODE
+    code: ClassVar[int] = 0
 
     natural_frequency: float = quantity("rad/s", "spool natural frequency ω_v", low=10.0, high=1e4)
     damping: float = quantity("-", "spool damping ratio D_v", low=0.05, high=5.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shake_ros.core.effects.hydraulics import OilWarming
-from shake_ros.core.fluid.oil import Oil
+from shake_ros.core.fluid import Oil
 from shake_ros.core.identification.fit import fit
 from shake_ros.core.identification.free_parameters import FreeParameters, free_parameter
 from shake_ros.core.identification.recording_problem import RecordingProblem

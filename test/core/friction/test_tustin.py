@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
-from shake_ros.core.friction.tustin import direction, force
+from shake_ros.core.friction import FRICTIONS, steady_force
+from shake_ros.core.friction.tustin import Tustin, direction
+from shake_ros.core.packing import record
 
 LEVELS = (80.0, 160.0, 2.5, 2.0)
 NARROW = 1e-6
+
+
+def law(*numbers: float) -> Any:
+    return record("friction", FRICTIONS, Tustin(*numbers))
+
+
+def force(velocity: float, *numbers: float) -> float:
+    return float(steady_force(law(*numbers), velocity))
 
 
 def test_force_is_the_closed_form_away_from_rest() -> None:
@@ -33,7 +44,7 @@ def test_without_levels_only_the_viscous_part_remains() -> None:
 @pytest.mark.parametrize("width", [1e-4, 1e-3, 2e-2])
 def test_a_sharp_passage_through_rest_is_nearly_a_ramp_and_that_of_the_thesis_is_tanh(width: float) -> None:
     speeds = width * np.linspace(-4.0, 4.0, 161)
-    plain, sharp = ([direction(v, width, w) for v in speeds] for w in (0.0, 1.0))
+    plain, sharp = ([direction(law(*LEVELS, width, w), v) for v in speeds] for w in (0.0, 1.0))
     np.testing.assert_allclose(plain, np.tanh(speeds / width), rtol=1e-12, atol=0.0)
     away = np.abs(np.abs(speeds) - width) > 0.3 * width  # from the corner of the ramp
     ramp = np.clip(speeds / width, -1.0, 1.0)

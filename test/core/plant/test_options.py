@@ -10,13 +10,12 @@ import yaml
 from scipy.integrate import solve_ivp
 
 from benchmarks.plant import reference_model as reference
-from shake_ros.core.fluid.oil import Oil
+from shake_ros.core.fluid import Oil
 from shake_ros.core.friction import FRICTIONS
-from shake_ros.core.plant.chamber import acting_pressure, flow_rate, half_volume
+from shake_ros.core.plant.options import chamber_pressure, foot_force, half_line_volume, line_flow_rate, storey_rates
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.plant.simulation import run
-from shake_ros.core.plant.specimen import ShearFrame, foot_force, natural_frequencies, storey_rates
-from shake_ros.core.plant.states import DECLARED, STOREY
+from shake_ros.core.plant.states import CONTINUOUS, STOREY
 from shake_ros.core.plant.temperature import at_temperature
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.valve.ports import opening
@@ -28,6 +27,12 @@ SAMPLE = 1e-3
 @pytest.fixture(scope="module")
 def table() -> TableParameters:
     return load_table("bergamo")
+
+
+def record(**values):
+    """Bergamo's table with options, as the kernels take it."""
+    options = {name.replace("_", ".", 1): value for name, value in values.items()}
+    return FULL_LAYOUT.records(load_table("bergamo").with_values(options).vector())[0]
 
 
 def nrmse(reference, result):
@@ -66,11 +71,12 @@ def test_above_the_range_nothing_changes(table):
 
 def test_pressure_is_smooth_at_the_range_and_bounded_below():
     limit, width = 2e4, 6e4
+    p = record(cavitation_pressure=limit, cavitation_width=width)
     edge = limit + width
     step = 1.0
-    slope = (acting_pressure(edge, limit, width) - acting_pressure(edge - step, limit, width)) / step
+    slope = (chamber_pressure(p, edge) - chamber_pressure(p, edge - step)) / step
     assert slope == pytest.approx(1.0, abs=1e-4)
-    assert acting_pressure(-1e12, limit, width) == limit
+    assert chamber_pressure(p, -1e12) == limit
 
 
 def test_a_void_closes_before_the_pressure_rises_again(table):
@@ -92,22 +98,24 @@ def test_a_void_closes_before_the_pressure_rises_again(table):
 
 def test_a_line_comes_to_rest_where_friction_balances_the_pressures():
     length, d, rho, eta = 2.0, 0.012, 870.0, 0.028
+    p = record(pipelines_length=length, pipelines_diameter=d, pipelines_density=rho, pipelines_viscosity=eta)
     area = math.pi * d**2 / 4.0
     slow = 500.0 * eta / (rho * d) * area  # Re = 500
     drop = 128.0 * eta * length * slow / (math.pi * d**4)  # Hagen–Poiseuille
-    assert flow_rate(slow, drop, 0.0, length, d, rho, eta) == pytest.approx(0.0, abs=1e-9)
+    assert line_flow_rate(p, slow, drop, 0.0) == pytest.approx(0.0, abs=1e-9)
     fast = 8000.0 * eta / (rho * d) * area
     drop = 0.3164 / 8000.0**0.25 * length / d * rho / 2.0 * (fast / area) ** 2  # Blasius
-    assert flow_rate(fast, drop, 0.0, length, d, rho, eta) == pytest.approx(0.0, abs=1e-9)
-    assert flow_rate(0.0, 1e5, 0.0, length, d, rho, eta) == pytest.approx(1e5 * area / (rho * length))
+    assert line_flow_rate(p, fast, drop, 0.0) == pytest.approx(0.0, abs=1e-9)
+    assert line_flow_rate(p, 0.0, 1e5, 0.0) == pytest.approx(1e5 * area / (rho * length))
 
 
 def test_a_line_closed_at_one_end_rings_at_its_own_frequency():
     length, d, rho, modulus = 2.0, 0.012, 870.0, 1.16e9
-    stiffness = modulus / half_volume(length, d)
+    line = record(pipelines_length=length, pipelines_diameter=d, pipelines_density=rho, pipelines_viscosity=1e-4)
+    stiffness = modulus / half_line_volume(line)
 
     def rates(_t, y):
-        return [-stiffness * y[1], flow_rate(y[1], y[0], 0.0, length, d, rho, 1e-4)]
+        return [-stiffness * y[1], line_flow_rate(line, y[1], y[0], 0.0)]
 
     t = np.linspace(0.0, 0.05, 2001)
     p = solve_ivp(rates, (0.0, 0.05), [1e5, 0.0], t_eval=t, rtol=1e-8, atol=1e-12).y[0]
@@ -183,12 +191,14 @@ def test_radial_clearance_rounds_the_edge_and_leaks_at_null(table):
 
 @pytest.mark.parametrize("storeys", [1, 2, 5, 10])
 def test_natural_frequencies_of_a_frame_are_the_closed_form(storeys):
-    frame = ShearFrame(storeys=storeys, mass=40.0, stiffness=1.5e5, damping=0.0)
-    matrix = np.zeros((2 * storeys, 2 * storeys))
-    for i, unit in enumerate(np.eye(2 * storeys)):
-        storey_rates(unit, 0, storeys, frame.mass, frame.stiffness, frame.damping, 0.0, matrix[i])
-    found = np.sort(np.abs(np.linalg.eigvals(matrix.T).imag))[::2]
-    np.testing.assert_allclose(found, natural_frequencies(frame), rtol=1e-9)
+    frame = record(frame_storeys=storeys, frame_mass=40.0, frame_stiffness=1.5e5, frame_damping=0.0)
+    states, rates, last = np.eye(CONTINUOUS), np.zeros((CONTINUOUS, CONTINUOUS)), STOREY + 2 * storeys
+    for i in range(STOREY, last):
+        storey_rates(frame, states[i], 0.0, rates[i])
+    found = np.sort(np.abs(np.linalg.eigvals(rates[STOREY:last, STOREY:last].T).imag))[::2]
+    j = np.arange(1, storeys + 1)
+    closed = 2.0 * math.sqrt(1.5e5 / 40.0) * np.sin((2 * j - 1) * np.pi / (4 * storeys + 2))
+    np.testing.assert_allclose(found, closed, rtol=1e-9)
 
 
 def test_a_rigid_frame_is_a_mass_on_the_table(table):
@@ -214,9 +224,9 @@ def test_one_storey_equals_the_specimen_resonance_of_the_same_mass(table):
 
 
 def test_foot_force_is_spring_and_damper():
-    y = np.array([0.0, 0.0, 2e-3, 0.5])
-    assert foot_force(y, 2, 1e5, 10.0) == pytest.approx(205.0)
-    assert STOREY > DECLARED
+    y = np.zeros(CONTINUOUS)
+    y[STOREY : STOREY + 2] = 2e-3, 0.5
+    assert foot_force(record(frame_storeys=1, frame_stiffness=1e5, frame_damping=10.0), y) == pytest.approx(205.0)
 
 
 # --- friction laws in the plant ---------------------------------------------------------------------------------
