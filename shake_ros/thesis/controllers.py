@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from statistics import fmean
 from typing import Any
 
 import numpy as np
 
 from shake_ros.api.compare import Comparison, amplitudes, compare, error_chart, number, response_chart, spectrum_chart
 from shake_ros.api.progress import Progress
-from shake_ros.core.loop.metrics import Metrics, Outcome, mean, over
+from shake_ros.core.loop.metrics import Metrics, Outcome, over
 from shake_ros.report.chart import Chart
 from shake_ros.thesis.reproduce import Claim, ExperimentReport, Rows, asked_in
 
@@ -95,7 +96,7 @@ def _metrics(
         return o.entry == entry and (names is None or o.reference in names) and (load is None or o.load == load)
 
     own = [o for o in found.outcomes if counts(o)]
-    return over(own, mean), sum(o.metrics.unstable for o in own)
+    return over(own, fmean), sum(o.metrics.unstable for o in own)
 
 
 def _rows(found: Comparison, loops: Sequence[str], reference: str | None, load: float | None) -> list[list[str]]:

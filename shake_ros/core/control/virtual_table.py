@@ -63,8 +63,9 @@ class Settings(NamedTuple):
 
 
 @njit
-def carry(p, y, u, whole, fraction, samples, dt, tolerance):  # type: ignore[no-untyped-def]
+def carry(p, y, u, settings, samples, tolerance):  # type: ignore[no-untyped-def]
     """`y` (states, then past commands, newest first) carried in place over samples under a held command u."""
+    whole, fraction, dt = settings.whole, settings.fraction, settings.sample_time
     work = workspace()
     past = y[STATES:]
     acceleration = acceleration_now(p, y, work[STAGE])
@@ -76,10 +77,10 @@ def carry(p, y, u, whole, fraction, samples, dt, tolerance):  # type: ignore[no-
 
 
 @njit
-def miss(p, y, u, target, whole, fraction, samples, omega, dt, tolerance):  # type: ignore[no-untyped-def]
+def miss(p, y, u, target, settings):  # type: ignore[no-untyped-def]
     """s at the horizon under a held command u [m/s²]."""
-    ahead = y.copy()
-    acceleration = carry(p, ahead, u, whole, fraction, samples, dt, tolerance)
+    ahead, omega = y.copy(), settings.bandwidth
+    acceleration = carry(p, ahead, u, settings, settings.samples, COARSE)
     return (
         acceleration
         - target[2]
@@ -89,13 +90,13 @@ def miss(p, y, u, target, whole, fraction, samples, omega, dt, tolerance):  # ty
 
 
 @njit
-def seek(p, y, start, target, whole, fraction, samples, omega, least, most, dt, tolerance):  # type: ignore[no-untyped-def]
+def seek(p, y, start, target, settings, least, most):  # type: ignore[no-untyped-def]
     """The command from least to most for which `miss` vanishes: secant steps, kept inside the bracket found so far."""
     low, high = least, most
     s_low, s_high = np.nan, np.nan
     u = min(max(start, low), high)
     for count in range(EVALUATIONS):
-        s = miss(p, y, u, target, whole, fraction, samples, omega, dt, tolerance)
+        s = miss(p, y, u, target, settings)
         if s > 0.0:
             high, s_high = u, s
         else:
@@ -144,7 +145,7 @@ def step(state, model, settings, rest, reference):  # type: ignore[no-untyped-de
     u : the command for this sample [-]
     virtual : (3,) position, velocity, acceleration of the copy now; with a lead, of the table after it
     """
-    p, (whole, fraction, samples, omega, limit, dt, lead, most) = model[0], settings
+    p, limit, dt, lead, most = model[0], settings.limit, settings.sample_time, settings.lead, settings.most
     following = state.copy()
     table = following[HEAD:]
     if state[STARTED] == 0.0:
@@ -153,11 +154,11 @@ def step(state, model, settings, rest, reference):  # type: ignore[no-untyped-de
     virtual = np.empty(3)
     virtual[2] = acceleration_now(p, table, np.zeros(CONTINUOUS))
     virtual[0], virtual[1] = table[POSITION] + table[BASE], table[VELOCITY]
-    target = ahead(state, reference, lead + samples * dt, dt)
+    target = ahead(state, reference, lead + settings.samples * dt, dt)
     before = state[COMMAND]
     least, largest = max(before - most, -limit), min(before + most, limit)
-    u = seek(p, table, before, target, whole, fraction, samples, omega, least, largest, dt, COARSE)
-    carry(p, table, u, whole, fraction, 1, dt, FINE)
+    u = seek(p, table, before, target, settings, least, largest)
+    carry(p, table, u, settings, 1, FINE)
     following[STARTED], following[COMMAND], following[REFERENCE_ACCELERATION] = 1.0, u, reference[2]
     return following, u, virtual
 

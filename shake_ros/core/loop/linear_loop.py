@@ -33,7 +33,7 @@ from shake_ros.core.control.minimal_control_synthesis import MinimalControlSynth
 from shake_ros.core.control.sliding_mode import SlidingMode
 from shake_ros.core.control.super_twisting import SuperTwisting
 from shake_ros.core.control.three_variable import ThreeVariable
-from shake_ros.core.plant.linearisation import LinearModel, linearise, state_scales
+from shake_ros.core.plant.linearisation import LinearModel, balanced, linearise, state_scales
 from shake_ros.core.plant.parameters import TableParameters, dead_time
 from shake_ros.core.plant.reduced import ReducedParameters
 from shake_ros.core.plant.states import LAGGED_POSITION, POSITION, PRESSURE_A, PRESSURE_B, VELOCITY
@@ -100,8 +100,7 @@ class Held(NamedTuple):
 
 def held(model: LinearModel, delay: tuple[int, float], sample_time: float) -> Held:
     """A linear model under a command that is held and late, in states over their typical size."""
-    s = state_scales()[list(model.states)]
-    a, b, c = model.a * s / s[:, None], model.b / s, model.c * s
+    s, (a, b, c) = state_scales()[list(model.states)], balanced(model)
     n = len(a)
 
     def over(time: float) -> tuple[Array, Array]:

@@ -11,6 +11,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from statistics import fmean
 
 import numpy as np
 from numpy.typing import NDArray
@@ -273,15 +274,6 @@ def over(outcomes: Sequence[Outcome], collect: Callable[[list[float]], float]) -
     return Metrics(**values)  # type: ignore[arg-type]
 
 
-def mean(values: list[float]) -> float:
-    """Arithmetic mean.
-
-    >>> mean([1.0, 2.0])
-    1.5
-    """
-    return math.fsum(values) / len(values)
-
-
 def summarise(outcomes: Sequence[Outcome]) -> list[Summary]:
     """One summary for each entry, in the order of their first runs."""
     result = []
@@ -291,7 +283,7 @@ def summarise(outcomes: Sequence[Outcome]) -> list[Summary]:
         others = [o for o in own if o.table >= 0]
         unstable = sum(o.metrics.unstable for o in own)
         stops = sum(o.metrics.end_stop for o in own)
-        result.append(Summary(entry, over(declared, mean), over(declared, max), over(others, max), unstable, stops))
+        result.append(Summary(entry, over(declared, fmean), over(declared, max), over(others, max), unstable, stops))
     return result
 
 
@@ -299,4 +291,4 @@ def by_load(outcomes: Sequence[Outcome], entry: str, figure: str) -> dict[float,
     """Mean of one figure over the references on the declared tables, by load [kg]."""
     own = [o for o in outcomes if o.entry == entry and o.table < 0]
     loads = sorted({o.load for o in own})
-    return {load: float(getattr(over([o for o in own if o.load == load], mean), figure)) for load in loads}
+    return {load: float(getattr(over([o for o in own if o.load == load], fmean), figure)) for load in loads}

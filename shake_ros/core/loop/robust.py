@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -205,34 +205,28 @@ def softest(table: TableParameters, states: Sequence[Array]) -> ReducedParameter
     )
 
 
-def cases(tables: Sequence[TableParameters], s: RobustSettings) -> list[LinearCase]:
-    """Linear models of the neighbours with further dead time; the first table is the one that is carried."""
-    carried = [linear_at(tables[0], y, s.loop_delay, s.sample_time) for y in points(tables[0], s)]
+def cases(
+    tables: Sequence[TableParameters],
+    s: RobustSettings,
+    states: Callable[[TableParameters, RobustSettings], list[Array]],
+) -> list[LinearCase]:
+    """Linear models of the neighbours at some states, with further dead time; the first table is the one carried."""
+    carried = [linear_at(tables[0], y, s.loop_delay, s.sample_time) for y in states(tables[0], s)]
     found = []
     for table in tables:
         for further in range(s.further_delay + 1):
             late = s.loop_delay + further * s.sample_time
-            plants = [linear_at(table, y, late, s.sample_time) for y in points(table, s)]
+            plants = [linear_at(table, y, late, s.sample_time) for y in states(table, s)]
             found += [LinearCase(plant, model) for plant, model in zip(plants, carried, strict=False)]
     return found
 
 
-def slow_cases(tables: Sequence[TableParameters], s: RobustSettings) -> list[LinearCase]:
-    """The same in slow motion; a neighbour that does not move steadily there is left out."""
-    found = []
+def slow_motion(table: TableParameters, s: RobustSettings) -> list[Array]:
+    """A state in slow motion; none where the table does not move steadily there."""
     try:
-        carried = linear_at(tables[0], operating_point(tables[0], 0.0, SLOW * s.velocity), s.loop_delay, s.sample_time)
+        return [operating_point(table, 0.0, SLOW * s.velocity)]
     except ShakeError:
         return []
-    for table in tables:
-        try:
-            state = operating_point(table, 0.0, SLOW * s.velocity)
-        except ShakeError:
-            continue
-        for further in range(s.further_delay + 1):
-            plant = linear_at(table, state, s.loop_delay + further * s.sample_time, s.sample_time)
-            found.append(LinearCase(plant, carried))
-    return found
 
 
 def observer_of(beta: ReducedParameters, jerk: float, s: RobustSettings) -> LinearObserver:
@@ -247,8 +241,8 @@ class Search:
     def __init__(self, tables: Sequence[TableParameters], s: RobustSettings) -> None:
         self.s, self.tables = s, tables
         self.beta = softest(tables[0], points(tables[0], s))
-        self.cases = cases(tables, s)
-        self.slow = slow_cases(tables, s)
+        self.cases = cases(tables, s, points)
+        self.slow = cases(tables, s, slow_motion)
         mass = tables[0].moved_mass + tables[0].value("effects.payload_error.mass")
         self._per_acceleration = mass / tables[0].body.acting_area
         self.slowest = SLOWEST * s.fastest

@@ -35,11 +35,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from shake_ros.core.compiled import kernel
-from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 
 SMALLEST_PART = 0.02  # of a chamber's volume at mid-stroke, which the right-hand side keeps in it
 
@@ -76,13 +73,8 @@ def areas(table: TableParameters) -> Sides:
 
 def volumes(table: TableParameters, position: float = 0.0) -> Sides:
     """V_A, V_B (3.24) with every dead volume, the piston `position` [m] off mid-stroke [m³]."""
-    body, area = table.body, areas(table)
-    half_a = body.volume_share * body.cylinder_volume
-    half_b = body.cylinder_volume - half_a
     dead = table.value("effects.dead_volume.volume")
-    v_a = max(half_a + area.a * position, SMALLEST_PART * half_a)
-    v_b = max(half_b - area.b * position, SMALLEST_PART * half_b)
-    return Sides(v_a + dead + body.line_volume_a, v_b + dead + body.line_volume_b)
+    return Sides(*chamber_volumes(FULL_LAYOUT.records(table.vector())[0], position, dead))
 
 
 def rest_pressures(supply: float, tank: float, area_ratio: float) -> Sides:
@@ -202,11 +194,3 @@ class PressureWatch:
                 f"a chamber at {self._highest:.4g} Pa, above {bound:.4g} Pa that supply and inertia can produce"
             )
         return tuple(found)
-
-
-def findings_of_run(table: TableParameters, result: NDArray[np.float64], sample_time: float) -> tuple[str, ...]:
-    """What `PressureWatch` finds in the result of a run, shape (n, 7)."""
-    watch = PressureWatch(table, sample_time)
-    for row in result:
-        watch.observe(row[0], row[1], row[3], row[4])
-    return watch.findings()

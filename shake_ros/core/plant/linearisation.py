@@ -69,13 +69,13 @@ class LinearModel:
 
     def poles(self) -> NDArray[np.complex128]:
         """Eigenvalues of A, by size [rad/s]."""
-        values: NDArray[np.complex128] = np.linalg.eigvals(_balanced(self)[0]).astype(complex)
+        values: NDArray[np.complex128] = np.linalg.eigvals(balanced(self)[0]).astype(complex)
         return values[np.argsort(np.abs(values))]
 
     def zeros(self, output: str) -> NDArray[np.complex128]:
         """Finite transmission zeros from u to an output, by size [rad/s]."""
         row = _output(output)
-        a, b, c = _balanced(self)
+        a, b, c = balanced(self)
         m = len(a)
         system = np.block([[a, b[:, None]], [c[row][None, :], np.full((1, 1), self.d[row])]])
         values = eig(system, np.diag([1.0] * m + [0.0]), right=False)
@@ -85,7 +85,7 @@ class LinearModel:
     def response(self, output: str, frequency: Matrix) -> NDArray[np.complex128]:
         """Output per command at frequencies of shape (n,) [Hz]; complex, shape (n,)."""
         row = _output(output)
-        a, b, c = _balanced(self)
+        a, b, c = balanced(self)
         unit = np.eye(len(a))
         return np.array(
             [c[row] @ np.linalg.solve(2j * np.pi * f * unit - a, b) + self.d[row] for f in np.ravel(frequency)]
@@ -98,7 +98,7 @@ def _output(name: str) -> int:
     return OUTPUTS.index(name)
 
 
-def _balanced(model: LinearModel) -> tuple[Matrix, Matrix, Matrix]:
+def balanced(model: LinearModel) -> tuple[Matrix, Matrix, Matrix]:
     """A, B, C in states divided by their typical size: pressures and positions differ by eight powers of ten."""
     s = state_scales()[list(model.states)]
     return model.a * s / s[:, None], model.b / s, model.c * s

@@ -119,6 +119,80 @@ def series(name: str, values: np.ndarray, length: int) -> np.ndarray:
     return result
 
 
+_most = {"threads": math.inf}
+
+
+def use_threads(most: float) -> None:
+    """Batches of this process take no more threads than this from now on: other processes have the other cores."""
+    _most["threads"] = most
+
+
+def workers() -> int:
+    """Number of threads for batches: the cores this process may use, or fewer as `use_threads` says."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return int(min(cores, _most["threads"]))
+
+
+def run_batch(
+    vectors: np.ndarray,
+    starts: np.ndarray,
+    commands: np.ndarray,
+    sample_time: float,
+    *,
+    track: np.ndarray = NOTHING,
+    forces: np.ndarray = NOTHING,
+    command_before: float = 0.0,
+    measured: np.ndarray = UNSEEN,
+    injection: float = 0.0,
+    cutoff: float = 0.0,
+    columns: tuple[int, ...] = (1, 2),
+    tolerance: float = TOLERANCE,
+) -> np.ndarray:
+    """Simulate many parameter sets, under the same commands or each under its own, on all cores without the GIL.
+
+    Under the same commands all take the steps of the first one as far as their errors permit (integration.py), so that
+    the differences of the results are those of the parameters.
+
+    Parameters
+    ----------
+    vectors : shape (m, len(NAMES)).
+    starts : first states, shape (m, STATES).
+    commands : shape (n,) or (m, n) [-].
+    track : measured position, shape (n,) [m], or empty. forces : external force, shape (n,) [N], or empty.
+    command_before : as in `run` [-].
+    measured, injection : velocity [m/s] and acceleration [m/s²] of the first k samples, shape (k, 2), NaN where there
+        is none, towards which the runs are corrected, and the rate [1/s].
+    cutoff : of the filter behind the accelerometer [Hz]; 0 where there is none, see sensors.py.
+    columns : which of COLUMNS to keep.
+
+    Returns
+    -------
+    shape (m, n, len(columns))
+    """
+    rows = records(vectors)
+    length = np.shape(commands)[-1]
+    each = [series("valve command", row, length) for row in np.atleast_2d(commands)]
+    if len(each) not in (1, len(rows)):
+        raise ShakeError(f"{len(each)} rows of commands for {len(rows)} parameter sets")
+    track = series("position", track, length) if len(track) else NOTHING
+    forces = series("force", forces, length) if len(forces) else NOTHING
+    result = np.empty((len(rows), length, len(columns)))
+    chain = filter_step(cutoff, sample_time)
+
+    pace = np.empty((length, 1 + MOST)) if len(rows) > 1 and len(each) == 1 else NO_PACE
+
+    def one(i: int) -> None:
+        out = np.empty((length, OUTPUTS))
+        given = (rows[i], each[i % len(each)], command_before, forces, track, measured, injection)
+        simulate(*given, starts[i], sample_time, tolerance, chain, pace, len(pace) > 0 and i > 0, out)
+        result[i] = out[:, columns]
+
+    one(0)
+    with ThreadPoolExecutor(workers()) as pool:
+        list(pool.map(one, range(1, len(rows))))
+    return result
+
+
 def run(
     parameters: TableParameters,
     commands: np.ndarray,
@@ -155,85 +229,18 @@ def run(
     P_A, P_B, P_s [Pa], spool [-].
     """
     vector = parameters.vector()
-    commands = series("valve command", commands, len(commands))
-    track = series("position", position, len(commands)) if isinstance(position, np.ndarray) else NOTHING
-    forces = series("force", forces, len(commands)) if len(forces) else NOTHING
-    start = float(np.ravel(position)[0])
-    y0 = initial_state(vector, start) if state is None else state
-    out = np.empty((len(commands), OUTPUTS))
-    given = (commands, float(command_before), forces, track, measured, injection)
-    chain = filter_step(cutoff, sample_time)
-    simulate(records(vector)[0], *given, y0, sample_time, tolerance, chain, NO_PACE, False, out)
-    return out
-
-
-_most = {"threads": math.inf}
-
-
-def use_threads(most: float) -> None:
-    """Batches of this process take no more threads than this from now on: other processes have the other cores."""
-    _most["threads"] = most
-
-
-def workers() -> int:
-    """Number of threads for batches: the cores this process may use, or fewer as `use_threads` says."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return int(min(cores, _most["threads"]))
-
-
-def run_batch(
-    vectors: np.ndarray,
-    starts: np.ndarray,
-    commands: np.ndarray,
-    sample_time: float,
-    *,
-    track: np.ndarray = NOTHING,
-    command_before: float = 0.0,
-    measured: np.ndarray = UNSEEN,
-    injection: float = 0.0,
-    cutoff: float = 0.0,
-    columns: tuple[int, ...] = (1, 2),
-    tolerance: float = TOLERANCE,
-) -> np.ndarray:
-    """Simulate many parameter sets, under the same commands or each under its own, on all cores without the GIL.
-
-    Under the same commands all take the steps of the first one as far as their errors permit (integration.py), so that
-    the differences of the results are those of the parameters.
-
-    Parameters
-    ----------
-    vectors : shape (m, len(NAMES)).
-    starts : first states, shape (m, STATES).
-    commands : shape (n,) or (m, n) [-].
-    track : measured position, shape (n,) [m], or empty.
-    command_before : as in `run` [-].
-    measured, injection : velocity [m/s] and acceleration [m/s²] of the first k samples, shape (k, 2), NaN where there
-        is none, towards which the runs are corrected, and the rate [1/s].
-    cutoff : of the filter behind the accelerometer [Hz]; 0 where there is none, see sensors.py.
-    columns : which of COLUMNS to keep.
-
-    Returns
-    -------
-    shape (m, n, len(columns))
-    """
-    rows = records(vectors)
-    length = np.shape(commands)[-1]
-    each = [series("valve command", row, length) for row in np.atleast_2d(commands)]
-    if len(each) not in (1, len(rows)):
-        raise ShakeError(f"{len(each)} rows of commands for {len(rows)} parameter sets")
-    track = series("position", track, length) if len(track) else NOTHING
-    result = np.empty((len(rows), length, len(columns)))
-    chain = filter_step(cutoff, sample_time)
-
-    pace = np.empty((length, 1 + MOST)) if len(rows) > 1 and len(each) == 1 else NO_PACE
-
-    def one(i: int) -> None:
-        out = np.empty((length, OUTPUTS))
-        given = (rows[i], each[i % len(each)], command_before, NOTHING, track, measured, injection)
-        simulate(*given, starts[i], sample_time, tolerance, chain, pace, len(pace) > 0 and i > 0, out)
-        result[i] = out[:, columns]
-
-    one(0)
-    with ThreadPoolExecutor(workers()) as pool:
-        list(pool.map(one, range(1, len(rows))))
-    return result
+    y0 = initial_state(vector, float(np.ravel(position)[0])) if state is None else state
+    return run_batch(
+        vector,
+        y0[None, :],
+        commands,
+        sample_time,
+        forces=forces,
+        track=position if isinstance(position, np.ndarray) else NOTHING,
+        command_before=float(command_before),
+        measured=measured,
+        injection=injection,
+        cutoff=cutoff,
+        columns=tuple(range(OUTPUTS)),
+        tolerance=tolerance,
+    )[0]

@@ -61,30 +61,6 @@ def envelope(time: Array, duration: float, peak_place: float, end_level: float) 
     return np.asarray((tau / peak_place) ** b * np.exp(b - c * tau))
 
 
-def accelerogram(
-    seed: int,
-    duration: float,
-    time_step: float,
-    ground: tuple[float, float],
-    high_pass: tuple[float, float],
-    peak_place: float,
-    end_level: float,
-    peak: float,
-) -> EarthquakeRecord:
-    """A record of `duration` [s] at `time_step` [s] whose largest magnitude is `peak` [m/s²].
-
-    `ground` and `high_pass` as in `ground_filter`, `peak_place` and `end_level` as in `envelope`.
-    """
-    count = round(duration / time_step) + 1
-    time: Array = np.arange(count, dtype=np.float64) * time_step
-    noise = np.random.RandomState(seed).standard_normal(count)
-    padded = 2 * count  # room for the filter's ringing, so that the end does not wrap to the start
-    frequency = np.asarray(np.fft.rfftfreq(padded, time_step), dtype=np.float64)
-    spectrum = np.fft.rfft(noise, padded) * ground_filter(frequency, ground, high_pass)
-    shaped = np.fft.irfft(spectrum, padded)[:count] * envelope(time, duration, peak_place, end_level)
-    return EarthquakeRecord(time, shaped * (peak / np.max(np.abs(shaped))))
-
-
 class Fitted(NamedTuple):
     """A record made fit for the table.
 
@@ -138,16 +114,16 @@ class EarthquakeParameters(RecordedParameters):
 
     def synthetic_record(self) -> EarthquakeRecord:
         """The synthetic accelerogram that the parameters describe."""
-        return accelerogram(
-            self.synthetic_seed,
-            self.synthetic_duration,
-            self.synthetic_time_step,
-            (self.ground_frequency, self.ground_damping),
-            (self.rock_frequency, self.rock_damping),
-            self.envelope_peak,
-            self.envelope_end,
-            self.synthetic_peak,
-        )
+        count = round(self.synthetic_duration / self.synthetic_time_step) + 1
+        time: Array = np.arange(count, dtype=np.float64) * self.synthetic_time_step
+        noise = np.random.RandomState(self.synthetic_seed).standard_normal(count)
+        padded = 2 * count  # room for the filter's ringing, so that the end does not wrap to the start
+        frequency = np.asarray(np.fft.rfftfreq(padded, self.synthetic_time_step), dtype=np.float64)
+        ground, rock = (self.ground_frequency, self.ground_damping), (self.rock_frequency, self.rock_damping)
+        spectrum = np.fft.rfft(noise, padded) * ground_filter(frequency, ground, rock)
+        level = envelope(time, self.synthetic_duration, self.envelope_peak, self.envelope_end)
+        shaped = np.fft.irfft(spectrum, padded)[:count] * level
+        return EarthquakeRecord(time, shaped * (self.synthetic_peak / np.max(np.abs(shaped))))
 
     def fit(self, record: EarthquakeRecord) -> Fitted:
         """Baseline-corrected, scaled and limited acceleration of a record.

@@ -58,6 +58,19 @@ class Cause:
     below: bool = False
 
 
+SENSED_CAUSES: dict[str, Cause] = {  # what the sensors say, in the order of `watch`
+    "position_soft": Cause("m", "distance from the middle", 10.0),
+    "position_hard": Cause("m", "distance from the middle", 10.0),
+    "velocity": Cause("m/s", "speed of the table", 100.0),
+    "acceleration": Cause("m/s^2", "measured acceleration", 1e4),
+    "sensor_frozen": Cause("s", "time for which a reading has not changed while the valve is open", 10.0),
+    "sensor_jump": Cause("m", "step of the position from one sample to the next", 10.0),
+    "sensor_implausible": Cause("m", "position against the integral of the acceleration", 10.0),
+    "valve_implausible": Cause("m/s", "speed against that of the valve's opening", 100.0),
+    "supply_pressure_low": Cause("Pa", "supply pressure at the stage `run`", 1e8, below=True),
+    "sensor_missing": Cause("s", "time without a finite reading of position and acceleration", 10.0),
+}
+SENSED: tuple[str, ...] = tuple(SENSED_CAUSES)
 CAUSES: dict[str, Cause] = {
     # what people and other computers say
     "stop": Cause("-", "the service `stop`", 1.0),
@@ -73,17 +86,7 @@ CAUSES: dict[str, Cause] = {
     "clock_jump": Cause("s", "step of the clock against the monotonic one", 1e6),
     "link_loss": Cause("-", "share of samples or commands lost within a second", 1.0),
     "target_trip": Cause("-", "interlock of the target computer", 1.0),
-    # what the sensors say, in the order of sensors.watch
-    "position_soft": Cause("m", "distance from the middle", 10.0),
-    "position_hard": Cause("m", "distance from the middle", 10.0),
-    "velocity": Cause("m/s", "speed of the table", 100.0),
-    "acceleration": Cause("m/s^2", "measured acceleration", 1e4),
-    "sensor_frozen": Cause("s", "time for which a reading has not changed while the valve is open", 10.0),
-    "sensor_jump": Cause("m", "step of the position from one sample to the next", 10.0),
-    "sensor_implausible": Cause("m", "position against the integral of the acceleration", 10.0),
-    "valve_implausible": Cause("m/s", "speed against that of the valve's opening", 100.0),
-    "supply_pressure_low": Cause("Pa", "supply pressure at the stage `run`", 1e8, below=True),
-    "sensor_missing": Cause("s", "time without a finite reading of position and acceleration", 10.0),
+    **SENSED_CAUSES,
     # last, since the numbers on the wire are in this order
     "operator_gone": Cause("s", "time since the operator's page last reported, at the stage run", 600.0),
 }
@@ -97,18 +100,6 @@ TIMED: tuple[str, ...] = (  # what a machine that is busy for a moment brings ab
     "deadline_overruns",
     "clock_jump",
     "link_loss",
-    "sensor_missing",
-)
-SENSED: tuple[str, ...] = (
-    "position_soft",
-    "position_hard",
-    "velocity",
-    "acceleration",
-    "sensor_frozen",
-    "sensor_jump",
-    "sensor_implausible",
-    "valve_implausible",
-    "supply_pressure_low",
     "sensor_missing",
 )
 

@@ -19,21 +19,6 @@ import numpy as np
 from shake_ros.core.plant.table import Measurement
 from shake_ros.core.quantities import Parameters, quantity
 
-# fault → unit of its value, "" where it has none
-MACHINE_FAULTS: dict[str, str] = {
-    "supply_failure": "",
-    "valve_stuck": "",
-    "valve_stuck_at": "-",
-    "position_off": "",
-    "acceleration_off": "",
-    "pressure_off": "",
-    "position_frozen": "",
-    "acceleration_frozen": "",
-    "position_bias": "m",
-    "acceleration_bias": "m/s^2",
-    "position_noise": "m",
-    "acceleration_noise": "m/s^2",
-}
 MISSING = {"position_off": "position", "acceleration_off": "acceleration", "pressure_off": "pressure_supply"}
 FROZEN = {"position_frozen": "position", "acceleration_frozen": "acceleration"}
 BIASED = {"position_bias": "position", "acceleration_bias": "acceleration"}
@@ -66,12 +51,16 @@ class MachineFaultParameters(Parameters):
         >>> MachineFaultParameters(valve_stuck_at=True, valve_opening=0.3, position_bias=0.01).on()
         {'valve_stuck_at': 0.3, 'position_bias': 0.01}
         """
-        found: dict[str, float] = {}
-        for field in dataclasses.fields(self):
-            value = getattr(self, field.name)
-            if value and field.name in MACHINE_FAULTS:
-                found[field.name] = self.valve_opening if field.name == "valve_stuck_at" else float(value)
-        return found
+        found = {name: float(value) for name in MACHINE_FAULTS if (value := getattr(self, name))}
+        return found | ({"valve_stuck_at": self.valve_opening} if self.valve_stuck_at else {})
+
+
+# fault → unit of its value, "" where it has none
+MACHINE_FAULTS: dict[str, str] = {
+    field.name: "-" if field.name == "valve_stuck_at" else field.metadata["unit"]
+    for field in dataclasses.fields(MachineFaultParameters)
+    if field.name != "valve_opening"
+}
 
 
 class MachineFaults:

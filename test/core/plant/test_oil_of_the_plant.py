@@ -7,10 +7,10 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from watched_pressures import findings_of_run
 
 from shake_ros.core.bulk_modulus import BULK_MODULI
 from shake_ros.core.effects.hydraulics import factor as soft_zone
-from shake_ros.core.plant.cylinder import findings_of_run
 from shake_ros.core.plant.linearisation import linearise, oil_column_frequency, operating_point
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters, records
 from shake_ros.core.plant.right_hand_side import active_states, right_hand_side

@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 import pytest
+from watched_pressures import findings_of_run
 
 from shake_ros.core.bulk_modulus import BULK_MODULI
-from shake_ros.core.plant.cylinder import LOOSE, PressureWatch, findings_of_run, highest_pressure, smallest_volumes
+from shake_ros.core.plant.cylinder import LOOSE, PressureWatch, highest_pressure, smallest_volumes
 from shake_ros.core.plant.simulation import run
 from shake_ros.core.plant.states import POSITION, PRESSURE_A, PRESSURE_B, VELOCITY
 from shake_ros.core.plant.table import Table

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.integrate import simpson
+from watched_pressures import findings_of_run
 
 from benchmarks.plant import reference_model as reference
 from shake_ros.core.plant.cylinder import (
-    findings_of_run,
     highest_pressure,
     pressure_left,
     rest_pressures,
