@@ -26,8 +26,8 @@ from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.packing import record
 from shake_ros.core.plant.cylinder import rest_pressures, volumes
-from shake_ros.core.plant.hydraulics import chamber_moduli, exchange_compliance
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
+from shake_ros.core.plant.right_hand_side import chamber_moduli, exchange_compliance
 from shake_ros.core.plant.simulation import run as simulated
 from shake_ros.measured.runs import PRINTED, printed_tables
 from shake_ros.report.chart import Chart, ChartSeries, Panel

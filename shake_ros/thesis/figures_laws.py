@@ -13,9 +13,8 @@ from shake_ros.core.friction import FRICTIONS, steady_force
 from shake_ros.core.friction.response import break_away_force, pulled_block, under_motion
 from shake_ros.core.packing import record
 from shake_ros.core.quantities import Parameters
-from shake_ros.core.valve import VALVES
+from shake_ros.core.valve import VALVES, linear_response, valve_response
 from shake_ros.core.valve.ports import steady_force as steady_flow_force
-from shake_ros.core.valve.response import linear_response, valve_response
 from shake_ros.report.chart import COLOURS, new_figure, tidy
 from shake_ros.settings import find, load_table, load_variant, read_yaml
 

@@ -21,7 +21,7 @@ FLOW = """
 import numba  # before the package: its settings are read by then
 from shake_ros.settings import load_table
 from shake_ros.core.plant.parameters import records
-from shake_ros.core.plant.hydraulics import port_flows
+from shake_ros.core.plant.right_hand_side import port_flows
 print(port_flows(records(load_table("bergamo").vector())[0], 0.5, 0.0, 1e7, 1e7, 2e7)[0])
 """
 EDIT_WHILE_RUNNING = (

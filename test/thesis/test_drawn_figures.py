@@ -8,8 +8,7 @@ import pytest
 pytest.importorskip("matplotlib")
 
 from shake_ros.core.effects import EFFECTS
-from shake_ros.core.valve import VALVES
-from shake_ros.core.valve.response import valve_response
+from shake_ros.core.valve import VALVES, valve_response
 from shake_ros.settings import load_table, load_variant
 from shake_ros.thesis import figures, figures_laws
 

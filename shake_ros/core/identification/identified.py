@@ -13,8 +13,7 @@ import numpy as np
 
 from shake_ros.core.identification.fit import DIFFERENCE, Fit
 from shake_ros.core.identification.uncertainty import Estimate, covariance
-from shake_ros.core.plant.cylinder import pressure_left, steady_speeds, volumes
-from shake_ros.core.plant.hydraulics import underlap_left
+from shake_ros.core.plant.cylinder import pressure_left, steady_speeds, underlap_left, volumes
 from shake_ros.core.plant.linearisation import oil_column_frequency
 from shake_ros.core.plant.parameters import TableParameters
 

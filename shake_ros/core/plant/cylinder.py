@@ -36,6 +36,7 @@ import math
 from typing import NamedTuple
 
 from shake_ros.core.compiled import kernel
+from shake_ros.core.effects.valve import effective_underlap
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 
 SMALLEST_PART = 0.02  # of a chamber's volume at mid-stroke, which the right-hand side keeps in it
@@ -108,6 +109,12 @@ def steady_speeds(table: TableParameters) -> Speeds:
     flow = table.value("valve.flow_coefficient")
     out, back = (flow * math.sqrt(part / per_flow) / table.body.piston_area for part in left)
     return Speeds(out, back)
+
+
+def underlap_left(table: TableParameters) -> float:
+    """Underlap that is open in the middle of a table's valve, with what a dead band closes taken off [-]."""
+    width, closed = (table.value(f"effects.spool_deadband.{name}") for name in ("width", "closed"))
+    return max(float(effective_underlap(table.value("valve.underlap"), width, closed)), 0.0)
 
 
 def oil_spring(table: TableParameters, moduli: Sides, position: float = 0.0) -> float:

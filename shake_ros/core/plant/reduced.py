@@ -25,9 +25,9 @@ from shake_ros.core.plant.cylinder import (
     pressure_left,
     rest_pressures,
     steady_speeds,
+    underlap_left,
     volumes,
 )
-from shake_ros.core.plant.hydraulics import underlap_left
 from shake_ros.core.plant.parameters import TableLayout, TableParameters
 from shake_ros.core.quantities import Parameters, quantity
 

@@ -12,8 +12,7 @@ from valve_of_the_sheet import SUPPLY, TANK, rates_of_the_sheet, step
 from shake_ros.core.packing import record
 from shake_ros.core.plant.simulation import run
 from shake_ros.core.plant.table import Table
-from shake_ros.core.valve import VALVES, detailed
-from shake_ros.core.valve.response import linear_response, linearised, valve_response
+from shake_ros.core.valve import VALVES, detailed, linear_response, linearised, valve_response
 from shake_ros.settings import load_table, load_variant
 
 NO_LOAD = (103.5e5, 103.5e5, 0.0, 0.0)

@@ -12,9 +12,8 @@ from valve_of_the_sheet import SUPPLY, TANK, rates_of_the_sheet, step
 from benchmarks.plant import reference_model as reference
 from shake_ros.core.packing import record
 from shake_ros.core.plant.simulation import run
-from shake_ros.core.valve import VALVES, detailed
+from shake_ros.core.valve import VALVES, detailed, valve_response
 from shake_ros.core.valve.ports import flow_force, flow_rates, no_load, steady_force
-from shake_ros.core.valve.response import valve_response
 from shake_ros.settings import load_table, load_variant
 
 DECLARED = load_variant("valve", "detailed", VALVES)[1]

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from shake_ros.core.plant.hydraulics import port_flows
 from shake_ros.core.plant.parameters import records
+from shake_ros.core.plant.right_hand_side import port_flows
 from shake_ros.core.plant.simulation import run
 from shake_ros.core.valve.ports import opening, sroot
 from shake_ros.core.valve.simplified import backlash, spool_acceleration
