@@ -166,7 +166,7 @@ def table_of(content: Any, where: str, layout: TableLayout = FULL_LAYOUT) -> Tab
     path = find("fluid", str(fluid["oil"]))
     oil = Oil.from_mapping(read_yaml(path), str(path)).parameters
     state = OilState.from_mapping({key: fluid[key] for key in OIL_KEYS[1:]}, f"{where}: fluid")
-    return at_temperature(table, oil, **vars(state))
+    return at_temperature(table, oil, state)
 
 
 def load_interlock(name: str) -> InterlockParameters:

@@ -121,7 +121,7 @@ class Controller:
 
     Attributes
     ----------
-    law : what `selected.step_controller` takes, an array of one record.
+    law : what `step_controller` takes, an array of one record.
     law_size : length of the state without the virtual table's.
     model : the table that it carries, with the loop's delay, None without one.
     virtual : the virtual table of the model, None without one.
@@ -161,10 +161,8 @@ class Controller:
 
     def carries_on(self, other: Controller) -> bool:
         """Whether its virtual table is the same as that of `other`, so that one can go on with the other's state."""
-        p, q = self.parameters, other.parameters
-        fields = ("model_bandwidth", "model_horizon", "limit", "model_rate", "predict")
-        same = all(getattr(p, name) == getattr(q, name) for name in fields)
-        return self.virtual is not None and self.model == other.model and same
+        mine, others = self.virtual, other.virtual
+        return mine is not None and others is not None and (self.model, mine.settings) == (other.model, others.settings)
 
     def initial_state(self, command: float = 0.0, start_time: float | None = None) -> NDArray[np.float64]:
         """Not started, all integrals zero.

@@ -7,76 +7,41 @@ its trial values in config/discovery/effects.yaml. The tests over this table do 
 
 from __future__ import annotations
 
+from shake_ros.core.effects import friction, hydraulics, sensors, structure, unlisted, valve
 from shake_ros.core.effects.effect import PLACES, Effect
-from shake_ros.core.effects.friction import (
-    CoulombFriction,
-    FilmFriction,
-    FrictionAsymmetry,
-    PositionDependentFriction,
-    PreslidingFriction,
-    QuadraticDrag,
-)
-from shake_ros.core.effects.hydraulics import (
-    DeadVolume,
-    EntrainedAir,
-    OilWarming,
-    PressureDependentBulkModulus,
-    SoftZone,
-    SupplyDroop,
-    TankBackPressure,
-    TurbulentLeakage,
-)
-from shake_ros.core.effects.sensors import AccelerometerBias, AccelerometerLag, AccelerometerScale, PositionSensorLag
-from shake_ros.core.effects.structure import (
-    BaseFlexibility,
-    ConstantForce,
-    CouplingBacklash,
-    PayloadError,
-    SpecimenResonance,
-    StiffnessToGround,
-)
-from shake_ros.core.effects.unlisted import Unlisted
-from shake_ros.core.effects.valve import (
-    AsymmetricFlowGain,
-    CommandDelay,
-    SlowValve,
-    SpoolDeadband,
-    SpoolHysteresis,
-    ValveNullShift,
-)
 
 EFFECTS: dict[str, type[Effect]] = {
-    "spool_deadband": SpoolDeadband,
-    "spool_hysteresis": SpoolHysteresis,
-    "asymmetric_flow_gain": AsymmetricFlowGain,
-    "valve_null_shift": ValveNullShift,
-    "slow_valve": SlowValve,
-    "turbulent_leakage": TurbulentLeakage,
-    "supply_droop": SupplyDroop,
-    "tank_back_pressure": TankBackPressure,
-    "pressure_dependent_bulk_modulus": PressureDependentBulkModulus,
-    "entrained_air": EntrainedAir,
-    "soft_zone": SoftZone,
-    "dead_volume": DeadVolume,
-    "oil_warming": OilWarming,
-    "friction_asymmetry": FrictionAsymmetry,
-    "position_dependent_friction": PositionDependentFriction,
-    "presliding_friction": PreslidingFriction,
-    "film_friction": FilmFriction,
-    "quadratic_drag": QuadraticDrag,
-    "coulomb_friction": CoulombFriction,
-    "constant_force": ConstantForce,
-    "stiffness_to_ground": StiffnessToGround,
-    "specimen_resonance": SpecimenResonance,
-    "coupling_backlash": CouplingBacklash,
-    "base_flexibility": BaseFlexibility,
-    "payload_error": PayloadError,
-    "accelerometer_scale": AccelerometerScale,
-    "accelerometer_bias": AccelerometerBias,
-    "accelerometer_lag": AccelerometerLag,
-    "position_sensor_lag": PositionSensorLag,
-    "command_delay": CommandDelay,
-    "unlisted": Unlisted,
+    "spool_deadband": valve.SpoolDeadband,
+    "spool_hysteresis": valve.SpoolHysteresis,
+    "asymmetric_flow_gain": valve.AsymmetricFlowGain,
+    "valve_null_shift": valve.ValveNullShift,
+    "slow_valve": valve.SlowValve,
+    "turbulent_leakage": hydraulics.TurbulentLeakage,
+    "supply_droop": hydraulics.SupplyDroop,
+    "tank_back_pressure": hydraulics.TankBackPressure,
+    "pressure_dependent_bulk_modulus": hydraulics.PressureDependentBulkModulus,
+    "entrained_air": hydraulics.EntrainedAir,
+    "soft_zone": hydraulics.SoftZone,
+    "dead_volume": hydraulics.DeadVolume,
+    "oil_warming": hydraulics.OilWarming,
+    "friction_asymmetry": friction.FrictionAsymmetry,
+    "position_dependent_friction": friction.PositionDependentFriction,
+    "presliding_friction": friction.PreslidingFriction,
+    "film_friction": friction.FilmFriction,
+    "quadratic_drag": friction.QuadraticDrag,
+    "coulomb_friction": friction.CoulombFriction,
+    "constant_force": structure.ConstantForce,
+    "stiffness_to_ground": structure.StiffnessToGround,
+    "specimen_resonance": structure.SpecimenResonance,
+    "coupling_backlash": structure.CouplingBacklash,
+    "base_flexibility": structure.BaseFlexibility,
+    "payload_error": structure.PayloadError,
+    "accelerometer_scale": sensors.AccelerometerScale,
+    "accelerometer_bias": sensors.AccelerometerBias,
+    "accelerometer_lag": sensors.AccelerometerLag,
+    "position_sensor_lag": sensors.PositionSensorLag,
+    "command_delay": valve.CommandDelay,
+    "unlisted": unlisted.Unlisted,
 }
 
 __all__ = ["EFFECTS", "PLACES", "Effect"]

@@ -79,7 +79,7 @@ def run_loop(p, plant, observer, seen, law, state, reference, feedforward, added
     added : harmonics' first state, empty without them, and numbers of a harmonic cancellation.
     timing : (dt [s], delay of the command in samples, whole samples and fraction of the plant's own dead time)
     noise : (n, 5) standard normal draws.
-    space : from `observer.selected.work`.
+    space : from `observer.law.work`.
     out : estimate (n, 3), truth (n, 3), command (n,), measured (n, 5)
 
     Returns

@@ -197,18 +197,17 @@ class Trials:
         self.search, self.fields = search, fields
         self.s, self.table = search.s, search.tables[0]
         self._reference, self._start = looked_at(reference, search.s.sample_time)
+        self._bare = Controller("none", Hold(**fields), self.s.sample_time, self.table)  # type: ignore[arg-type]
         self._feedforward = self.feedforward(self._reference)
-        law = Controller("none", Hold(**fields), self.s.sample_time, self.table)  # type: ignore[arg-type]
         late = round(self.s.loop_delay / self.s.sample_time)
         self._allowed = allowed_ringing(
-            law, search.tables, self._reference, self._feedforward, late, self.s.further_delay, self.s.ringing
+            self._bare, search.tables, self._reference, self._feedforward, late, self.s.further_delay, self.s.ringing
         )
 
     def feedforward(self, reference: Array) -> tuple[Array, Array]:
         """Commands and motion of the virtual table along a reference."""
-        law = Controller("none", Hold(**self.fields), self.s.sample_time, self.table)  # type: ignore[arg-type]
-        assert law.virtual is not None
-        return law.virtual.follow(reference)
+        assert self._bare.virtual is not None
+        return self._bare.virtual.follow(reference)
 
     def observer(self, design: LinearObserver) -> Observer:
         """The observer that carries the table, with the gain of a linear one."""

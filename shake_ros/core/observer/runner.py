@@ -85,7 +85,7 @@ ABSENT = (math.nan,) * len(SENSORS)
 
 
 class Compiled(NamedTuple):
-    """What `selected.step_observer` takes, arrays of one record: the observer's and the model's."""
+    """What `step_observer` takes, arrays of one record: the observer's and the model's."""
 
     law: Array
     record: Array

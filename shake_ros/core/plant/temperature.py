@@ -31,30 +31,21 @@ class OilState(Parameters):
     modulus_slope: float = quantity("1/K", "relative loss of bulk modulus per temperature γ", low=0.0, high=0.02)
 
 
-def at_temperature(
-    table: TableParameters,
-    oil: OilParameters,
-    temperature: float,
-    *,
-    reference_temperature: float,
-    modulus_slope: float,
-) -> TableParameters:
-    """`table`, whose numbers hold at the reference temperature, at another one.
+def at_temperature(table: TableParameters, oil: OilParameters, state: OilState) -> TableParameters:
+    """`table`, whose numbers hold at the state's reference temperature, at its temperature.
 
     Parameters
     ----------
     oil : viscosity and density of the fluid.
-    temperature, reference_temperature : T, T_0 [K].
-    modulus_slope : relative loss of bulk modulus per temperature γ [1/K].
 
     Raises
     ------
     ShakeError : a temperature at which nothing of the bulk modulus would be left.
     """
-    warmer = temperature - reference_temperature
-    stiffness = 1.0 - modulus_slope * warmer
+    temperature, reference_temperature = state.temperature, state.reference_temperature
+    stiffness = 1.0 - state.modulus_slope * (temperature - reference_temperature)
     if stiffness <= 0.0:
-        raise ShakeError(f"temperature = {temperature:g} K: no bulk modulus left, slope {modulus_slope:g} 1/K")
+        raise ShakeError(f"temperature = {temperature:g} K: no bulk modulus left, slope {state.modulus_slope:g} 1/K")
     thickness = viscosity_at_temperature(1.0, oil.viscosity_decay, temperature, reference_temperature)
     rho, rho_0 = (
         density_at_temperature(oil.density, oil.expansion, t, oil.reference_temperature)

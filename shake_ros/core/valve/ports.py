@@ -1,6 +1,4 @@
-"""Flow through the ports of a four-way spool valve with underlap, and its force on the spool: (3.13), (3.17), (3.18).
-
-Port flows of a four-way spool valve with underlap, (3.17), (3.18), (6.12), (6.13).
+"""Flow through the ports of a four-way spool valve with underlap, and its force on the spool, (3.13), (3.17), (6.13).
 
     Q_A = C_v [g(x_s) sroot(P_s−P_A) − g(−x_s) sroot(P_A−P_T)]
     Q_B = C_v [g(x_s) sroot(P_B−P_T) − g(−x_s) sroot(P_s−P_B)],  g(x) = clip(x + d_s, 0, 1)

@@ -15,7 +15,7 @@ from shake_ros.core.plant.parameters import records
 from shake_ros.core.plant.right_hand_side import active_states, right_hand_side
 from shake_ros.core.plant.simulation import initial_state, run
 from shake_ros.core.plant.states import CLOCK, PRESSURE_A, SPOOL, STATES, VELOCITY
-from shake_ros.core.plant.temperature import at_temperature
+from shake_ros.core.plant.temperature import OilState, at_temperature
 from shake_ros.settings import find, load_table, read_yaml
 
 TABLE = load_table("bergamo").with_values({"friction.viscous": 400.0, "leakage.external": 2e-12})
@@ -27,7 +27,7 @@ def warm(kelvin):
     path = find("fluid", "hlp_46")
     oil = Oil.from_mapping(read_yaml(path), str(path)).parameters
     oil = oil.replace(expansion=EFFECT.expansion, viscosity_decay=EFFECT.viscosity_decay, reference_temperature=288.15)
-    return at_temperature(TABLE, oil, 288.15 + kelvin, reference_temperature=288.15, modulus_slope=EFFECT.modulus_slope)
+    return at_temperature(TABLE, oil, OilState(288.15 + kelvin, 288.15, EFFECT.modulus_slope))
 
 
 def rates_of(table, clock):

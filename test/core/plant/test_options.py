@@ -16,7 +16,7 @@ from shake_ros.core.plant.options import chamber_pressure, foot_force, half_line
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.plant.simulation import run
 from shake_ros.core.plant.states import CONTINUOUS, STOREY
-from shake_ros.core.plant.temperature import at_temperature
+from shake_ros.core.plant.temperature import OilState, at_temperature
 from shake_ros.core.quantities import ShakeError
 from shake_ros.core.valve.ports import opening
 from shake_ros.settings import find, load_table, load_variant, read_yaml
@@ -139,18 +139,18 @@ def test_very_short_pipelines_change_next_to_nothing_and_long_ones_soften_the_ta
 
 def test_a_warmer_table_is_softer_thinner_and_leaks_more(table):
     oil = Oil.from_mapping(read_yaml(find("fluid", "hlp_32")), "hlp_32").parameters
-    warm = at_temperature(table, oil, 333.15, reference_temperature=313.15, modulus_slope=3.8e-3)
+    warm = at_temperature(table, oil, OilState(333.15, 313.15, 3.8e-3))
     thinner = math.exp(-oil.viscosity_decay * 20.0)  # (2.4)
     assert warm.friction.viscous == pytest.approx(table.friction.viscous * thinner)
     assert warm.leakage.internal == pytest.approx(table.leakage.internal / thinner)
     assert warm.bulk_modulus.modulus == pytest.approx(table.bulk_modulus.modulus * (1.0 - 3.8e-3 * 20.0))
     assert 1.0 < warm.valve.flow_coefficient / table.valve.flow_coefficient < 1.02
-    assert at_temperature(table, oil, 313.15, reference_temperature=313.15, modulus_slope=3.8e-3) == table
+    assert at_temperature(table, oil, OilState(313.15, 313.15, 3.8e-3)) == table
     lighter = (1.0 + 0.65e-3 * 25.0) / (1.0 + 0.65e-3 * 45.0)  # (2.18) from 15 °C
     assert warm.valve.flow_coefficient == pytest.approx(table.valve.flow_coefficient / math.sqrt(lighter))
     assert warm.valve.laminar_pressure == pytest.approx(table.valve.laminar_pressure * thinner**2 / lighter)
     piped = table.with_values({"pipelines.length": 2.0})
-    thin = at_temperature(piped, oil, 333.15, reference_temperature=313.15, modulus_slope=3.8e-3)
+    thin = at_temperature(piped, oil, OilState(333.15, 313.15, 3.8e-3))
     assert thin.value("pipelines.viscosity") == pytest.approx(0.028 * thinner)
     assert thin.value("pipelines.density") == pytest.approx(870.0 * lighter)
 
@@ -160,7 +160,7 @@ def test_a_tables_file_names_its_oil_and_how_warm_it_is(table, tmp_path):
     path = tmp_path / "warm.yaml"
     path.write_text(yaml.safe_dump(table.to_mapping() | {"fluid": fluid}))
     oil = Oil.from_mapping(read_yaml(find("fluid", "hlp_46")), "hlp_46").parameters
-    warm = at_temperature(table, oil, 333.15, reference_temperature=313.15, modulus_slope=3.8e-3)
+    warm = at_temperature(table, oil, OilState(333.15, 313.15, 3.8e-3))
     assert load_table(str(path)) == warm
     path.write_text(yaml.safe_dump(table.to_mapping() | {"fluid": fluid | {"temperature": 313.15}}))
     assert load_table(str(path)) == table
