@@ -36,18 +36,18 @@ VERSIONS = f"{sys.version}{platform.machine()}{version('numba')}{version('llvmli
 
 
 @functools.cache
-def _files(core: Path = CORE) -> dict[str, Path]:
+def _files() -> dict[str, Path]:
     """Files of the core by dotted name; a folder's name means its `__init__`."""
     found = {}
-    for path in core.rglob("*.py"):
-        found[".".join(path.relative_to(core).with_suffix("").parts).removesuffix("__init__").rstrip(".")] = path
+    for path in CORE.rglob("*.py"):
+        found[".".join(path.relative_to(CORE).with_suffix("").parts).removesuffix("__init__").rstrip(".")] = path
     return found
 
 
 @functools.cache
-def _read(path: Path, core: Path = CORE) -> tuple[bytes, tuple[Path, ...]]:
+def _read(path: Path) -> tuple[bytes, tuple[Path, ...]]:
     """Hash of a file, and the files of the core that its imports name, each folder's `__init__` on the way included."""
-    content, files = path.read_bytes(), _files(core)
+    content, files = path.read_bytes(), _files()
     found: dict[Path, None] = {}
     for package, names, module in IMPORTS.findall(content.decode("utf-8")):
         dotted = (package or module).strip(".")
@@ -58,22 +58,22 @@ def _read(path: Path, core: Path = CORE) -> tuple[bytes, tuple[Path, ...]]:
     return hashlib.sha256(content).digest(), tuple(found)
 
 
-def imported(path: Path, core: Path = CORE) -> tuple[Path, ...]:
+def imported(path: Path) -> tuple[Path, ...]:
     """Files of the core that a file names in its imports."""
-    return _read(path, core)[1]
+    return _read(path)[1]
 
 
-def source_hash(path: Path, core: Path = CORE) -> str:
+def source_hash(path: Path) -> str:
     """Hash of a file, of all that it imports from the core and of the versions that matter, 16 hex digits."""
     seen, waiting = dict[Path, bytes](), [path]
     while waiting:
         here = waiting.pop()
         if here not in seen:
-            seen[here], more = _read(here, core)
+            seen[here], more = _read(here)
             waiting.extend(more)
     digest = hashlib.sha256(VERSIONS.encode())
     for each in sorted(map(str, seen)):
-        digest.update(each.removeprefix(str(core)).encode() + seen[Path(each)])
+        digest.update(each.removeprefix(str(CORE)).encode() + seen[Path(each)])
     return digest.hexdigest()[:16]
 
 

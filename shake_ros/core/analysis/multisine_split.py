@@ -22,6 +22,7 @@ from shake_ros.core.quantities import ShakeError
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 EXCITED = 0.02  # part of the largest line of the excitation from which on a line counts as excited
+SHORTEST = 64  # samples of a period that is looked for
 PERIODIC = 0.05  # relative change from period to period up to which an excitation counts as repeated
 UNREPEATED = 0.3  # scatter of the periods, relative to the excitation, from which on a split makes no sense
 
@@ -98,21 +99,21 @@ def whole_periods(signal: ArrayLike, samples: int, skip: int | None = None) -> F
     return values[len(values) - kept * samples :].reshape(kept, samples)
 
 
-def noise_from_periods(signal: ArrayLike, samples: int, skip: int | None = None) -> float:
+def noise_from_periods(signal: ArrayLike, samples: int) -> float:
     """Standard deviation of what does not repeat from period to period [unit of the signal].
 
     A straight line through each period's difference from the mean period is drift, not noise.
 
     Parameters
     ----------
-    signal : shape (n,), at least two whole periods of `samples` behind `skip` (see `whole_periods`).
+    signal : shape (n,), at least two whole periods of `samples` behind the first, see `whole_periods`.
 
     >>> rng = np.random.default_rng(1)
     >>> wave = np.tile(np.sin(2 * np.pi * np.arange(1000) / 1000), 4)
     >>> abs(noise_from_periods(wave + 0.1 * rng.standard_normal(4000), 1000) / 0.1 - 1.0) < 0.03
     True
     """
-    rows = whole_periods(signal, samples, skip)
+    rows = whole_periods(signal, samples)
     if len(rows) < 2:
         raise ShakeError(f"{len(rows)} period of {samples} samples: noise needs two")
     rest = rows - rows.mean(axis=0)
@@ -122,13 +123,12 @@ def noise_from_periods(signal: ArrayLike, samples: int, skip: int | None = None)
     return float(np.sqrt(np.sum(rest**2) / freedom))
 
 
-def repeated_period(excitation: ArrayLike, shortest: int = 64, change: float = PERIODIC) -> int | None:
+def repeated_period(excitation: ArrayLike, change: float = PERIODIC) -> int | None:
     """Samples after which an excitation repeats itself to the end of its record, or None.
 
     Parameters
     ----------
     excitation : shape (n,).
-    shortest : shortest period looked for.
     change : from period to period, relative to the excitation, up to which it repeats.
 
     >>> rng = np.random.default_rng(1)
@@ -138,9 +138,9 @@ def repeated_period(excitation: ArrayLike, shortest: int = 64, change: float = P
     u = np.asarray(excitation, dtype=np.float64)
     u = u - u.mean()
     n = len(u)
-    if n < 2 * shortest or not np.isfinite(u).all() or not np.any(u):
+    if n < 2 * SHORTEST or not np.isfinite(u).all() or not np.any(u):
         return None
-    lags = np.arange(shortest, n // 2 + 1)
+    lags = np.arange(SHORTEST, n // 2 + 1)
     product = np.fft.irfft(np.abs(np.fft.rfft(u, 2 * n)) ** 2)[lags]
     squares = np.concatenate(([0.0], np.cumsum(u**2)))
     size = squares[n - lags] + (squares[n] - squares[lags])

@@ -52,6 +52,7 @@ HARDEST = 10  # linear models on which a bandwidth is sought; it is then held ag
 SLOW = 0.2  # of the speed of the linear models: slow motion
 CALM_DAMPING, CALM_JERK = 0.8, 0.3  # of the design that shakes the least
 QUICK_DAMPING, QUICK_JERK = 0.15, 1.0  # of one that damps a little, without delay: an oil column that others excite
+LOWEST_COLUMN, HIGHEST_COLUMN = 10.0, 900.0  # [rad/s] between which the oil column is sought
 OSCILLATING = 0.5  # damping ratio below which a pair of poles counts as the oil column
 
 
@@ -176,12 +177,12 @@ def points(table: TableParameters, s: RobustSettings) -> list[Array]:
     return found
 
 
-def oil_column(model: LinearModel, slowest: float = 10.0, fastest: float = 900.0) -> tuple[float, float]:
+def oil_column(model: LinearModel) -> tuple[float, float]:
     """Frequency [rad/s] and damping ratio of the fastest pair of poles that oscillates; a specimen's is slower.
 
     Where leakage damps it so much that none does, those of velocity and load pressure alone.
     """
-    pairs = [p for p in model.poles() if p.imag > 0.0 and slowest < abs(p) < fastest]
+    pairs = [p for p in model.poles() if p.imag > 0.0 and LOWEST_COLUMN < abs(p) < HIGHEST_COLUMN]
     pairs = [p for p in pairs if -p.real < OSCILLATING * abs(p)]
     if pairs:
         fast = max(pairs, key=abs)
@@ -190,7 +191,7 @@ def oil_column(model: LinearModel, slowest: float = 10.0, fastest: float = 900.0
     into, out = np.array([[1.0, 0.0], [0.0, 0.5], [0.0, -0.5]]), np.array([[1.0, 0.0, 0.0], [0.0, 1.0, -1.0]])
     alone = out @ a @ into
     square = float(np.linalg.det(alone))
-    if not square > slowest**2:
+    if not square > LOWEST_COLUMN**2:
         raise ShakeError("the table has no oil column to design for: its load pressure does not answer to its velocity")
     return math.sqrt(square), float(-np.trace(alone)) / (2.0 * math.sqrt(square))
 

@@ -43,6 +43,7 @@ Matrix = NDArray[np.float64]
 OUTPUTS = ("position", "velocity", "acceleration")
 GAP = "effects.coupling_backlash.gap"
 CLOSED = 1e-4  # [m] beyond half the gap, at which backlash is closed: more than the step of the differences
+STEP = 1e-5  # of the differences, relative to the typical size of each state
 LARGEST_ZERO = 1e5  # [rad/s] zeros beyond it are those at infinity, moved by rounding
 
 
@@ -129,13 +130,8 @@ def operating_point(parameters: TableParameters, position: float = 0.0, velocity
     return y
 
 
-def linearise(parameters: TableParameters, state: Matrix | None = None, step: float = 1e-5) -> LinearModel:
-    """Linear model at a state of shape (STATES,), the table at rest in mid-stroke where not given.
-
-    Parameters
-    ----------
-    step : of the differences, relative to the typical size of each state.
-    """
+def linearise(parameters: TableParameters, state: Matrix | None = None) -> LinearModel:
+    """Linear model at a state of shape (STATES,), the table at rest in mid-stroke where not given."""
     y0 = operating_point(parameters) if state is None else np.array(state[:STATES])
     vector = parameters.vector()
     record = records(vector)[0]
@@ -150,13 +146,13 @@ def linearise(parameters: TableParameters, state: Matrix | None = None, step: fl
         return np.append(rates[:n], acceleration)
 
     def slope(index: int) -> Matrix:
-        ahead, back, h = y0.copy(), y0.copy(), step * scales[index]
+        ahead, back, h = y0.copy(), y0.copy(), STEP * scales[index]
         ahead[index] += h
         back[index] -= h
         return (evaluate(ahead, y0[SPOOL]) - evaluate(back, y0[SPOOL])) / (2.0 * h)
 
     jacobian = np.array([slope(i) for i in range(n)]).T
-    by_command = gain * (evaluate(y0, y0[SPOOL] + step) - evaluate(y0, y0[SPOOL] - step)) / (2.0 * step)
+    by_command = gain * (evaluate(y0, y0[SPOOL] + STEP) - evaluate(y0, y0[SPOOL] - STEP)) / (2.0 * STEP)
     moving = [i for i in range(n) if np.any(jacobian[i] != 0.0)]
     c = np.zeros((3, len(moving)))
     c[0, moving.index(POSITION)] = 1.0

@@ -384,8 +384,8 @@ def valve_load(p, y, force, n, rates):
 @inlined_kernel
 def extended_rates(p, y, q_s, on_rod, on_table, mass, split, piston_velocity, rates):
     """Rates of the velocity and of the states that only effects have; returns the absolute acceleration [m/s²]."""
-    base = p.base_flexibility_compliance > 0.0
-    base_acc = base_acceleration(p, y[BASE], y[BASE_RATE], on_rod) if base else 0.0
+    for i in range(DECLARED, EXTENDED):
+        rates[i] = 0.0
     if split:
         m_r = min(p.coupling_backlash_rod_mass, 0.5 * mass)
         contact = contact_force(p, m_r, y[ROD], y[ROD_RATE])
@@ -394,30 +394,23 @@ def extended_rates(p, y, q_s, on_rod, on_table, mass, split, piston_velocity, ra
         rates[ROD_RATE] = (on_rod - contact) / m_r - acceleration
     else:
         acceleration = (on_rod + on_table) / mass
-        rates[ROD] = 0.0
-        rates[ROD_RATE] = 0.0
-    rates[VELOCITY] = acceleration - base_acc
-    rates[BASE] = y[BASE_RATE] if base else 0.0
-    rates[BASE_RATE] = base_acc
+    if p.base_flexibility_compliance > 0.0:
+        rates[BASE] = y[BASE_RATE]
+        rates[BASE_RATE] = base_acceleration(p, y[BASE], y[BASE_RATE], on_rod)
+    rates[VELOCITY] = acceleration - rates[BASE_RATE]
     if p.specimen_resonance_mass > 0.0:
         rates[SPECIMEN] = y[SPECIMEN_RATE]
         rates[SPECIMEN_RATE] = -acceleration - spring_force(p, 1.0, y[SPECIMEN], y[SPECIMEN_RATE])
-    else:
-        rates[SPECIMEN] = 0.0
-        rates[SPECIMEN_RATE] = 0.0
-    rates[PRESSURE_SUPPLY] = 0.0
     if p.supply_droop_resistance != 0.0:
         rates[PRESSURE_SUPPLY] = pressure_rate(p, y[PRESSURE_SUPPLY], q_s)
-    rates[FILM] = 0.0
     if p.film_friction_relief != 0.0:
         rates[FILM] = film_rate(p, y[FILM], piston_velocity)
     if p.frame_storeys > 0.0:
         storey_rates(p, y, acceleration, rates)
     rates[FRICTION_MEMORY] = memory_rate(p, piston_velocity, y[FRICTION_MEMORY])
-    tau_a = p.accelerometer_lag_time_constant
-    rates[LAGGED_ACCELERATION] = (
-        (acceleration - y[LAGGED_ACCELERATION]) / max(tau_a, SHORTEST_LAG) if tau_a > 0.0 else 0.0
-    )
-    tau_x = p.position_sensor_lag_time_constant
-    rates[LAGGED_POSITION] = (y[POSITION] - y[LAGGED_POSITION]) / max(tau_x, SHORTEST_LAG) if tau_x > 0.0 else 0.0
+    tau_a, tau_x = p.accelerometer_lag_time_constant, p.position_sensor_lag_time_constant
+    if tau_a > 0.0:
+        rates[LAGGED_ACCELERATION] = (acceleration - y[LAGGED_ACCELERATION]) / max(tau_a, SHORTEST_LAG)
+    if tau_x > 0.0:
+        rates[LAGGED_POSITION] = (y[POSITION] - y[LAGGED_POSITION]) / max(tau_x, SHORTEST_LAG)
     return acceleration

@@ -43,24 +43,21 @@ BALANCED = 1e-9  # [m/s²] departure of the acceleration that is none
 COLUMNS = ("position", "velocity", "acceleration", "pressure_a", "pressure_b", "pressure_supply", "spool")
 
 
-def initial_state(
-    vector: np.ndarray, position: float = 0.0, pressure_a: float | None = None, pressure_b: float | None = None
-) -> np.ndarray:
-    """State of a table at rest: valve at null, both chambers at half the supply pressure unless given.
+def initial_state(vector: np.ndarray, position: float = 0.0) -> np.ndarray:
+    """State of a table at rest: valve at null, both chambers at half the supply pressure.
 
     Where the areas differ the two pressures stand as the areas do the other way round, so that the piston stays.
 
     Parameters
     ----------
-    vector : parameters in the order of `parameters.NAMES`. position [m]. pressure_a, pressure_b [Pa].
+    vector : parameters in the order of `parameters.NAMES`. position [m].
     """
     y = np.zeros(STATES)
     supply = float(vector[INDEX["supply.supply_pressure"]])
     tank, ratio = (float(vector[INDEX[name]]) for name in ("supply.tank_pressure", "body.area_ratio"))
     at_rest = rest_pressures(supply, tank, ratio)
     y[POSITION] = y[LAGGED_POSITION] = position
-    y[PRESSURE_A] = at_rest.a if pressure_a is None else pressure_a
-    y[PRESSURE_B] = at_rest.b if pressure_b is None else pressure_b
+    y[PRESSURE_A], y[PRESSURE_B] = at_rest
     y[PRESSURE_SUPPLY] = supply
     y[LINE_PRESSURE_A], y[LINE_PRESSURE_B] = y[PRESSURE_A], y[PRESSURE_B]
     y[FRICTION_AT_STOP] = y[FRICTION_RISE] = vector[INDEX["friction.stribeck_rise"]]  # after a long rest

@@ -23,9 +23,9 @@ from shake_ros.core.quantities import ShakeError
 
 
 @njit
-def advance_one(table, y, u, whole, fraction, force, dt, work, tolerance):
+def advance_one(table, y, u, whole, fraction, force, dt, work):
     """Integrate one sample in place, as `advance_late` does. table : parameter records, shape (1,)."""
-    return advance_late(table[0], y, y[STATES:], u, whole, fraction, force, dt, work, False, tolerance)
+    return advance_late(table[0], y, y[STATES:], u, whole, fraction, force, dt, work, False, TOLERANCE)
 
 
 @njit
@@ -63,20 +63,16 @@ class Table:
     parameters : the table.
     sample_time : [s].
     seed : of the sensor noise.
-    tolerance : relative local error of an integration step.
 
     The state is a float64 array of shape (STATES + history,): the states of plant/states.py and behind them the
     latest commands, newest first, which a dead time needs.
     """
 
-    def __init__(
-        self, parameters: TableParameters, sample_time: float = 0.001, seed: int = 0, tolerance: float = TOLERANCE
-    ) -> None:
+    def __init__(self, parameters: TableParameters, sample_time: float = 0.001, seed: int = 0) -> None:
         if not (math.isfinite(sample_time) and 0.0 < sample_time <= 0.1):
             raise ShakeError(f"sample_time = {sample_time!r} is outside 0 … 0.1 s")
         self.parameters = parameters
         self.sample_time = sample_time
-        self.tolerance = tolerance
         self._vector = parameters.vector()
         self._records = FULL_LAYOUT.alone(self._vector)
         self._noise = SensorNoise(parameters.sensors, seed)
@@ -121,7 +117,7 @@ class Table:
             raise ShakeError(f"valve command {u!r} with force {force!r} is not finite")
         y = state.copy()
         acting, late = min(max(u, -1.0), 1.0), (self._whole, self._fraction)
-        advance_one(self._records, y, acting, *late, force, self.sample_time, self._work, self.tolerance)
+        advance_one(self._records, y, acting, *late, force, self.sample_time, self._work)
         if not math.isfinite(y[VELOCITY]) or not math.isfinite(y[POSITION]):
             raise ShakeError("the simulated table diverged")
         return y

@@ -61,7 +61,8 @@ def table(kind: str, values: dict[str, float] | None = None) -> TableParameters:
 def moduli_in_the_plant(one: TableParameters, pressure_a: float, pressure_b: float) -> tuple[float, float]:
     """E of both chambers from the rates of a sealed cylinder whose piston moves: ∓E A v/V (6.5), (6.6)."""
     vector = one.with_values(SEALED).vector()
-    p, y, rates = records(vector)[0], initial_state(vector, 0.0, pressure_a, pressure_b), np.zeros(CONTINUOUS)
+    p, y, rates = records(vector)[0], initial_state(vector), np.zeros(CONTINUOUS)
+    y[PRESSURE_A], y[PRESSURE_B] = pressure_a, pressure_b
     y[VELOCITY] = SPEED
     right_hand_side(p, y, y, 0.0, 0.0, active_states(p), rates)
     swept = one.body.piston_area * SPEED
