@@ -23,6 +23,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import inspect
+import math
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -32,7 +33,7 @@ from typing import Any
 import numpy as np
 
 from shake_ros.core.compiled import njit
-from shake_ros.core.quantities import Parameters, quantity
+from shake_ros.core.quantities import OutOfBounds, Parameters, ShakeError, quantity, unknown_name
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,18 @@ def union_fields(family: Mapping[str, type[Parameters]]) -> dict[str, dataclasse
 def name_of(family: Mapping[str, type[Parameters]], member: Parameters) -> str:
     """The member's name in its family."""
     return next(name for name, cls in family.items() if cls is type(member))
+
+
+def refuse_mismatch(
+    what: str, kind: str, parameters: Parameters, family: Mapping[str, type[Parameters]], sample_time: float
+) -> None:
+    """ShakeError for an unknown kind, parameters of another one, or a sample time [s] that is not positive."""
+    if kind not in family:
+        raise unknown_name(what, kind, family)
+    if not isinstance(parameters, family[kind]):
+        raise ShakeError(f"{what} '{kind}' cannot use {type(parameters).__name__}")
+    if not (math.isfinite(sample_time) and sample_time > 0.0):
+        raise OutOfBounds(f"sample_time = {sample_time!r} is not a positive number")
 
 
 def field_value(member: Parameters, name: str) -> float:

@@ -64,15 +64,10 @@ def steady_part(time: npt.ArrayLike, excitation: npt.ArrayLike, frequency: float
     edges = np.minimum(np.round(block * np.arange(count + 1)).astype(int), len(t))
     levels = np.array([np.std(y[i:j]) for i, j in zip(edges[:-1], edges[1:], strict=True)])
     usual = np.median(levels[levels >= DRIVEN * levels.max()])
-    first, last = _longest_row(np.abs(levels - usual) <= SAME_LEVEL * usual)
-    settled = first + 1 if last - first > 1 else first
-    return slice(int(edges[settled]), int(edges[last]))
-
-
-def _longest_row(wanted: npt.NDArray[np.bool_]) -> tuple[int, int]:
-    """First and behind-the-last index of the longest row of True."""
-    longest = max(stretches(wanted), key=lambda s: s.stop - s.start, default=slice(0, len(wanted)))
-    return longest.start, longest.stop
+    alike = stretches(np.abs(levels - usual) <= SAME_LEVEL * usual)
+    row = max(alike, key=lambda s: s.stop - s.start, default=slice(0, len(levels)))
+    settled = row.start + 1 if row.stop - row.start > 1 else row.start
+    return slice(int(edges[settled]), int(edges[row.stop]))
 
 
 FLAT_RUN = 3  # neighbours at the extreme value, at least once

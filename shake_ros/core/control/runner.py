@@ -19,9 +19,9 @@ from shake_ros.core.compiled import njit
 from shake_ros.core.control import CONTROLLERS
 from shake_ros.core.control.law import LawParameters, against_direction, saturate, with_direction
 from shake_ros.core.control.virtual_table import VirtualTable
-from shake_ros.core.packing import dispatch, records
+from shake_ros.core.packing import dispatch, records, refuse_mismatch
 from shake_ros.core.plant.parameters import TableParameters, delayed_by
-from shake_ros.core.quantities import OutOfBounds, ShakeError, unknown_name
+from shake_ros.core.quantities import ShakeError
 
 STARTED, OFFSET, START_COMMAND, DECAY = range(4)  # of a controller's state, before the law's own
 HEAD = 4
@@ -135,12 +135,7 @@ class Controller:
     def __init__(
         self, kind: str, parameters: LawParameters, sample_time: float, model: TableParameters | None = None
     ) -> None:
-        if kind not in CONTROLLERS:
-            raise unknown_name("controller", kind, CONTROLLERS)
-        if not isinstance(parameters, CONTROLLERS[kind]):
-            raise ShakeError(f"controller '{kind}' cannot use {type(parameters).__name__}")
-        if not (math.isfinite(sample_time) and sample_time > 0.0):
-            raise OutOfBounds(f"sample_time = {sample_time!r} is not a positive number")
+        refuse_mismatch("controller", kind, parameters, CONTROLLERS, sample_time)
         self.kind = kind
         self.parameters = parameters
         self.sample_time = float(sample_time)

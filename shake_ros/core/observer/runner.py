@@ -28,9 +28,9 @@ from numpy.typing import NDArray
 from shake_ros.core.compiled import njit
 from shake_ros.core.observer import OBSERVERS
 from shake_ros.core.observer.law import SENSORS, CarriedTable, ObserverParameters, work
-from shake_ros.core.packing import dispatch, kernel_of, layout, records, written
+from shake_ros.core.packing import dispatch, kernel_of, layout, records, refuse_mismatch, written
 from shake_ros.core.plant.parameters import DELAY, FULL_LAYOUT, NAMES, TableParameters, delayed_by
-from shake_ros.core.quantities import OutOfBounds, ShakeError, unknown_name
+from shake_ros.core.quantities import ShakeError
 
 __all__ = ["NO_MODEL", "NO_OBSERVER", "observe_run", "step_observer", "step_of", "work"]
 
@@ -113,12 +113,7 @@ class Observer:
     def __init__(
         self, kind: str, parameters: ObserverParameters, sample_time: float, model: TableParameters | None = None
     ) -> None:
-        if kind not in OBSERVERS:
-            raise unknown_name("observer", kind, OBSERVERS)
-        if not isinstance(parameters, OBSERVERS[kind]):
-            raise ShakeError(f"observer '{kind}' cannot use {type(parameters).__name__}")
-        if not (math.isfinite(sample_time) and sample_time > 0.0):
-            raise OutOfBounds(f"sample_time = {sample_time!r} is not a positive number")
+        refuse_mismatch("observer", kind, parameters, OBSERVERS, sample_time)
         self.kind = kind
         self.parameters = parameters
         self.sample_time = float(sample_time)
