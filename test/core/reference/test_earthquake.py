@@ -9,7 +9,7 @@ from shake_ros.core.quantities import ShakeError
 from shake_ros.core.reference.baseline import correct_baseline, filtered, integrate, resample
 from shake_ros.core.reference.motion import EarthquakeRecord
 from shake_ros.core.reference.motion import envelope as table_envelope
-from shake_ros.core.reference.recorded import EarthquakeParameters, accelerogram, envelope, ground_filter
+from shake_ros.core.reference.recorded import EarthquakeParameters, envelope, ground_filter
 from shake_ros.data.reference_file import build_program, load_reference
 from shake_ros.settings import load_table
 
@@ -100,17 +100,21 @@ def test_envelope_peaks_at_one_where_it_should_and_ends_at_its_level() -> None:
     assert found[-1] == pytest.approx(0.05)
 
 
-def test_synthetic_record_follows_its_seed_and_its_peak() -> None:
-    first, again, other = (accelerogram(seed, 10.0, 0.01, (2.0, 0.5), (0.3, 0.7), 0.3, 0.05, 2.5) for seed in (1, 1, 2))
+def test_synthetic_record_follows_its_seed_and_its_peak(parameters: EarthquakeParameters) -> None:
+    quake = parameters.replace(synthetic_peak=2.5)
+    first, again, other = (quake.replace(synthetic_seed=seed).synthetic_record() for seed in (1, 1, 2))
     assert np.array_equal(first.acceleration, again.acceleration)
     assert not np.allclose(first.acceleration, other.acceleration)
     assert np.max(np.abs(first.acceleration)) == pytest.approx(2.5)
 
 
-def test_synthetic_record_has_its_energy_around_the_ground_frequency() -> None:
+def test_synthetic_record_has_its_energy_around_the_ground_frequency(parameters: EarthquakeParameters) -> None:
     powers = np.zeros(2001)
+    asked = parameters.replace(
+        synthetic_duration=40.0, synthetic_time_step=0.01, ground_frequency=4.0, ground_damping=0.3, rock_frequency=0.4
+    )
     for seed in range(30):
-        acceleration = accelerogram(seed, 40.0, 0.01, (4.0, 0.3), (0.4, 0.7), 0.3, 0.05, 1.0).acceleration
+        acceleration = asked.replace(synthetic_seed=seed).synthetic_record().acceleration
         powers += np.abs(np.fft.rfft(acceleration[:4000])) ** 2
     frequency = np.arange(2001) / 40.0
     assert 3.0 < frequency[np.argmax(np.convolve(powers, np.ones(40), "same"))] < 4.5
