@@ -227,7 +227,8 @@ class TwinNode(Behaviour):
         values = {"since": change.since, "verdict": named.verdict, "place": named.place}
         values |= {"change": what_text(change), "rivals": rivals_text(change)}
         values |= {"error": error_text(change), "action": action_text(change)}
-        self._changes.append((level, words, values))
+        others = [c for c in self._changes if c[2]["since"] != change.since]  # one that goes on is named again
+        self._changes = [*others, (level, words, values)]
         self.frame.say(level, words)
 
     def _pause(self) -> str:

@@ -231,7 +231,8 @@ def follow(
     if math.isnan(twin.error):
         moving = sum(w.state == LEARNING for w in windows) * chosen.test.window
         raise ShakeError(f"{chosen.test.reference:g} s of motion show what is normal; the recordings hold {moving:g} s")
-    changes = [w.change for w in windows if w.change] + ([last] if last else [])
+    every = [w.change for w in windows if w.change] + ([last] if last else [])
+    changes = list({c.since: c for c in every}.values())  # of one that was named again, its latest name
     rows = zip(twin.names, twin.scale, strict=True)
     limits = [chosen.parameters[n].limits(twin.file_value(n), float(unit)) for n, unit in rows]
     learning = max(i for i, w in enumerate(windows) if w.state == LEARNING)

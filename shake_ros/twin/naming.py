@@ -123,6 +123,15 @@ class Named:
         own = [h for h in self.rivals if h.followed and self.explained]
         return self.best if self.best.followed or not own else own[0]
 
+    def covariance(self, count: int) -> np.ndarray:
+        """Covariance of the first parameters about those that are kept, over all answers as likely as they are."""
+        answers, kept = (self.best, *self.rivals), self.kept.model.x[:count]
+        odds = np.exp([h.evidence - self.best.evidence for h in answers])
+        apart = [h.model.x[:count] - kept for h in answers]
+        parts = [h.covariance[:count, :count] + np.outer(d, d) for h, d in zip(answers, apart, strict=True)]
+        found: np.ndarray = np.tensordot(odds / np.sum(odds), parts, 1)
+        return found
+
 
 @dataclass(frozen=True, kw_only=True)
 class KnownModel(FreeModel):

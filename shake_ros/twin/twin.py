@@ -12,7 +12,7 @@ The same samples give the same numbers, from a recording or from a graph in lock
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -120,6 +120,23 @@ class _Normal:
     apart: np.ndarray
 
 
+@dataclass(frozen=True)
+class _Onset:
+    """Where a change came.
+
+    since : stamp after which it came [ns]. model, known, normal, left : as of the twin before it.
+    before : the latest windows before it. change : as it was reported, if it was.
+    """
+
+    since: int
+    model: FreeModel
+    known: KnownState
+    normal: _Normal
+    before: Sequence[Record]
+    left: TableParameters | None
+    change: Change | None = None
+
+
 class Twin:
     """Follows one table.
 
@@ -149,6 +166,7 @@ class Twin:
         self._history: list[tuple[KnownState, WindowEvidence, int, float]] = []
         self._alarm: tuple[Alarm, int] | None = None
         self._left: TableParameters | None = None
+        self._onset: _Onset | None = None
         self._last = 0  # stamp behind the latest sample [ns]
         self.begin("")
 
@@ -243,10 +261,7 @@ class Twin:
         if self._alarm:
             change = self._name(*self._alarm)
             yield self._reported(self._last, self._last, self._state, "", math.nan, NO_MOTION, change)
-        p, covariance = self._count, self._known.covariance.copy()
-        most = np.maximum(self.followed.file[:p] ** 2 - np.diag(covariance)[:p], 0.0)
-        covariance[range(p), range(p)] += np.minimum(self.followed.walk**2 * seconds / HOUR, most)
-        self._known, self._history = KnownState(self._known.mean, covariance), []
+        self._known, self._history = self._wandered(self._known, seconds), []
 
     def _complete(self) -> Iterator[TwinWindow]:
         """The windows that the samples at hand complete."""
@@ -274,10 +289,14 @@ class Twin:
         return LEARNING if self._normal is None else NAMING if self._alarm else WATCHING
 
     def _grow(self, nanoseconds: int) -> None:
-        if self._normal is None:
-            return
-        gained = self._walk**2 * max(nanoseconds, 0) * 1e-9 / HOUR
-        self._known = KnownState(self._known.mean, self._known.covariance + np.diag(gained))
+        if self._normal is not None:
+            self._known = self._wandered(self._known, max(nanoseconds, 0) * 1e-9)
+
+    def _wandered(self, known: KnownState, seconds: float) -> KnownState:
+        """What is known after some seconds in which values may have wandered, at most as far as those of a file."""
+        most = np.maximum(self.followed.file**2 - np.diag(known.covariance), 0.0)
+        gained = np.minimum(self._walk**2 * seconds / HOUR, most)
+        return KnownState(known.mean, known.covariance + np.diag(gained))
 
     def _reported(
         self,
@@ -373,53 +392,72 @@ class Twin:
         return self._name(*self._alarm)
 
     def _name(self, found: Alarm, noticed: int) -> Change | None:
-        """The change of an alarm; none where it does not matter, and the windows since are followed like any others."""
-        assert self._normal is not None
-        m, normal = found.windows, self._normal
-        known, first, since, at = self._history[-m]
-        records = [w.record for _, w, *_ in self._history[-m:]][1 if m > 1 else 0 :]
-        before = [w.record for _, w, *_ in self._history[:-m]]
-        wander = m * self.followed.walk**2 * self.settings.test.window / HOUR
-        naming = Naming(
-            held(self._model.at(known.mean), self._count),
-            conditional(known.covariance, self._count) + np.diag(wander),
-            self.followed.sizes,
-            normal.levels,
-            normal.inflation,
-            before[-MOST_NAMED:],
-            records[-MOST_NAMED:],
-        )
-        usual = math.exp(normal.square[0] + 3.0 * math.hypot(normal.square[1], SQUARE_SPREAD))
-        named = naming.named(usual)
-        if not named.share > self.settings.test.matters:
-            windows = [w for _, w, *_ in self._history[-m:]]
-            self._known = pooled(known, windows[:-1], normal.inflation)
-            self._go_on(float(np.mean([math.log(w.square) for w in windows])))
-            return None
-        self._take(named, known)
-        return Change(first.record.name, at, since, noticed, found.score, named)
+        """The change of an alarm; none where it does not matter, and the windows since are followed like any others.
 
-    def _take(self, named: Named, known: KnownState) -> None:
-        """Go on with the changed model; what is not established leaves the table as it was before.
-
-        known : before the change.
+        What comes after an alarm may be its change that goes on: one cause since then, if it explains the motion now,
+        is simpler than two. Its name then stands for both.
         """
-        assert self._normal is not None
-        kept, p = named.kept, self._count
-        if named.verdict != ESTABLISHED and not (named.explained and kept.followed):
-            self._left = self._left or self._model.at(known.mean).found_table()
-        covariance = known.covariance.copy()
-        covariance[:p, :p] += kept.covariance[:p, :p] - conditional(covariance, p)  # of those that are held, as before
-        x = np.concatenate([kept.model.x[:p], known.mean[p:]])
-        self._model = replace(self._model.at(x), table=kept.model.found_table())
-        self._known = KnownState(self._model.x, covariance)
-        self._go_on(math.log(kept.square))
+        m = found.windows
+        windows = [w for _, w, *_ in self._history[-m:]]
+        since = [w.record for w in windows][1 if m > 1 else 0 :][-MOST_NAMED:]
+        now = self._onset_of(m)
+        first = self._onset or now
+        onset, named = first, self._named(first, since)
+        if first is not now and not named.explained:
+            onset, named = now, self._named(now, since)
+        if not named.share > self.settings.test.matters:
+            self._onset = first
+            self._known = pooled(now.known, windows[:-1], now.normal.inflation)
+            self._go_on(now.normal, float(np.mean([math.log(w.square) for w in windows])))
+            return None
+        _, window, stamp, at = self._history[-m]
+        change = onset.change or Change(window.record.name, at, stamp, noticed, found.score, named)
+        self._onset = replace(onset, change=replace(change, named=named))
+        self._take(named, onset)
+        return self._onset.change
 
-    def _go_on(self, square: float) -> None:
-        """Watch again, where the log mean square of the innovations has become normal."""
+    def _onset_of(self, m: int) -> _Onset:
+        """That of a change before the last m windows."""
         assert self._normal is not None
-        mean, spread = self._normal.square
-        self._normal = replace(self._normal, square=(max(square, mean), spread))
+        known, _, since, _ = self._history[-m]
+        before = [w.record for _, w, *_ in self._history[:-m]][-MOST_NAMED:]
+        return _Onset(since, self._model, known, self._normal, before, self._left)
+
+    def _named(self, onset: _Onset, since: Sequence[Record]) -> Named:
+        """What changed at an onset, from windows since."""
+        known = self._wandered(onset.known, (self._last - onset.since) * 1e-9)
+        naming = Naming(
+            held(onset.model.at(known.mean), self._count),
+            conditional(known.covariance, self._count),
+            self.followed.sizes,
+            onset.normal.levels,
+            onset.normal.inflation,
+            onset.before,
+            since,
+        )
+        mean, spread = onset.normal.square
+        return naming.named(math.exp(mean + 3.0 * math.hypot(spread, SQUARE_SPREAD)))
+
+    def _take(self, named: Named, onset: _Onset) -> None:
+        """Go on with the changed model; what is not established leaves the table as it was before."""
+        kept, known, p = named.kept, onset.known, self._count
+        self._left = onset.left
+        if named.verdict != ESTABLISHED and not (named.explained and kept.followed):
+            self._left = self._left or onset.model.at(known.mean).found_table()
+        grown = max(kept.square / math.exp(onset.normal.square[0]), 1.0)
+        covariance = known.covariance.copy()
+        # of those that are held, as before
+        covariance[:p, :p] += grown * named.covariance(p) - conditional(covariance, p)
+        x = np.concatenate([kept.model.x[:p], known.mean[p:]])
+        self._model = replace(onset.model.at(x), table=kept.model.found_table())
+        self._known = KnownState(self._model.x, covariance)
+        self._go_on(onset.normal, math.log(kept.square))
+
+    def _go_on(self, normal: _Normal, square: float) -> None:
+        """Watch again, where the log mean square of the innovations has become normal; windows scatter as they grew."""
+        mean, spread = normal.square
+        grown = max(square - mean, 0.0)
+        self._normal = replace(normal, square=(mean + grown, spread), inflation=normal.inflation * math.exp(grown))
         self._history, self._alarm = [], None
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -71,3 +73,14 @@ def test_the_share_of_a_change_is_what_its_name_explains_or_what_was_not_there_b
     unnamed = replace(found, explained=False)
     assert unnamed.share == pytest.approx(0.03)
     assert replace(unnamed, changed=False).share == 0.0
+
+
+def test_an_interval_holds_every_answer_as_likely_as_it_is() -> None:
+    def at(x: float, evidence: float) -> Any:
+        model = cast("Any", SimpleNamespace(x=np.array([x])))
+        return replace(LEAKAGE, model=model, covariance=np.array([[0.01]]), evidence=evidence)
+
+    named = change(at(0.0, 9.0), at(1.0, 9.0)).named
+    assert named.covariance(1)[0, 0] == pytest.approx(0.01 + 0.5)
+    assert replace(named, rivals=()).covariance(1)[0, 0] == pytest.approx(0.01)
+    assert replace(named, rivals=(at(1.0, -30.0),)).covariance(1)[0, 0] == pytest.approx(0.01)

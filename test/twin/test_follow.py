@@ -69,6 +69,17 @@ def test_a_delay_is_named_and_not_a_slower_valve_of_nearly_the_same_response() -
     assert found.table.value("effects.slow_valve.slowdown") == 0.0
 
 
+@pytest.mark.second_tier
+def test_a_fault_that_grows_is_one_change_with_its_latest_size() -> None:
+    parts = (1.0, 0.9, SOFTER)
+    runs = [recording(f"run_{i}", TRUTH._replace(modulus=p * TRUTH.modulus), 12.5, i) for i, p in enumerate(parts)]
+    found = follow([r for run in runs for r in run], TABLE, settings=quick(), progress=False)
+    (change,) = found.changes
+    assert change.recording == "run_1"
+    assert change.named.best.name == "bulk_modulus.modulus"
+    assert change.named.best.after == pytest.approx(SOFTER * TRUTH.modulus, rel=0.05)
+
+
 def test_a_soft_zone_is_named_with_its_depth_and_its_instant(followed: Following) -> None:
     (change,) = followed.changes
     best = change.named.best
