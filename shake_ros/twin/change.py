@@ -9,8 +9,9 @@ change of one parameter by δ moves its mean by H e δ. So
 is a standard normal variable for each parameter and each m. Q also holds what does not matter: no model is exact, and
 other motions show other values. A change that moves less of the acceleration than what matters stays below the
 threshold, however precisely it is known. A second variable watches what no followed parameter explains: the logarithm
-of the innovations' mean square against that of the reference. The threshold is that of the false alarms per hour, over
-all variables and all m that are looked at.
+of the innovations' mean square against what the reference predicts of it, a Student variable with as many degrees of
+freedom as the reference has windows less one, written as the normal variable of the same probability. The threshold is
+that of the false alarms per hour, over all variables and all m that are looked at.
 """
 
 from __future__ import annotations
@@ -21,11 +22,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import norm
+from scipy.stats import t as student
 
 from shake_ros.twin.evidence import WindowEvidence
 
 LAGS = (1, 2, 4, 8, 16, 32, 64, 128)  # windows that may have passed since a change
-SQUARE_SPREAD = 0.15  # least standard deviation of the logarithm of a window's mean square, from motion to motion [-]
 HOUR = 3600.0
 
 
@@ -50,6 +51,32 @@ def conditional(covariance: np.ndarray, count: int) -> np.ndarray:
     """Covariance of the first parameters where the others are known, shape (count, count)."""
     found: np.ndarray = np.linalg.inv(np.linalg.inv(covariance)[:count, :count])
     return found
+
+
+@dataclass(frozen=True)
+class NormalSquare:
+    """What the reference predicts of the logarithm of a window's mean square; windows of one motion depart together.
+
+    mean, deviation : of another window [-]. freedom : degrees of freedom of its Student distribution.
+    """
+
+    mean: float
+    deviation: float
+    freedom: int
+
+    @classmethod
+    def of(cls, squares: Sequence[float]) -> NormalSquare:
+        """From the mean squares of the windows of a reference, two at least."""
+        logs, n = np.log(squares), len(squares)
+        return cls(float(np.mean(logs)), float(np.std(logs, ddof=1)) * math.sqrt(1.0 + 1.0 / n), n - 1)
+
+    def score(self, log: float) -> float:
+        """Standard normal variable that is as unlikely as a logarithm of the mean square."""
+        return float(norm.isf(student.sf((log - self.mean) / self.deviation, self.freedom)))
+
+    def most(self, score: float) -> float:
+        """The mean square at a standard normal variable."""
+        return math.exp(self.mean + self.deviation * float(student.isf(norm.sf(score), self.freedom)))
 
 
 @dataclass(frozen=True)
@@ -101,17 +128,16 @@ def scores(known: KnownState, wander: np.ndarray, windows: Sequence[WindowEviden
     return found
 
 
-def growth(windows: Sequence[WindowEvidence], normal: tuple[float, float]) -> float:
-    """Standard normal variable of the innovations' mean square against the normal mean and deviation of its log."""
-    logs = [math.log(max(w.square, 1e-12)) for w in windows]
-    return (float(np.mean(logs)) - normal[0]) / math.hypot(normal[1] / math.sqrt(len(logs)), SQUARE_SPREAD)
+def mean_log(windows: Sequence[WindowEvidence]) -> float:
+    """Mean logarithm of the innovations' mean square."""
+    return float(np.mean([math.log(max(w.square, 1e-12)) for w in windows]))
 
 
 def alarm(
     history: Sequence[tuple[KnownState, WindowEvidence]],
     walk: np.ndarray,
     inflation: float,
-    normal: tuple[float, float],
+    normal: NormalSquare,
     limit: float,
     count: int,
     apart: np.ndarray,
@@ -121,7 +147,7 @@ def alarm(
     Parameters
     ----------
     history : windows with what was known before each, the newest last. walk : variance gained in a window, shape (p,).
-    normal : as in `growth`. limit : from `threshold`.
+    normal : mean square of the innovations. limit : from `threshold`.
     count : of the first parameters, that may change. apart : variance of what does not matter, shape (p,).
     """
     best: Alarm | None = None
@@ -130,7 +156,7 @@ def alarm(
         z = scores(history[-lag][0], lag * walk + apart, windows, inflation)[:count]
         parameter = int(np.argmax(np.abs(z)))
         found = Alarm(lag, parameter, float(z[parameter]))
-        if (grown := growth(windows, normal)) > abs(found.score):
+        if (grown := normal.score(mean_log(windows))) > abs(found.score):
             found = Alarm(lag, -1, grown)
         if abs(found.score) > limit and (best is None or abs(found.score) > abs(best.score)):
             best = found

@@ -1,8 +1,9 @@
 """What changed? Every candidate effect and every followed parameter, tried on the windows behind and before a change.
 
 A hypothesis is one effect that came, or one followed parameter that moved, while all others stay where they were known,
-within what they wander. They are screened by a linearisation about the model as it was known (search/proposal.py); the
-best are refitted until they have converged, and compared by their marginal likelihood on the windows since, against
+within what they wander. They are screened by a score test: a linearisation where no change is likeliest
+(search/proposal.py), with all parameters as far off as their priors let them. The best are refitted until they have
+converged, and compared by their marginal likelihood on the windows since, against
 that of no change: with likelihood ℓ, prior p of the one number that changed, prior precision P of all others together
 (their ratios are known far better than their common scale), normal matrix A at the refit,
 
@@ -223,7 +224,7 @@ class Naming:
         moved = [self._moved(i) for i in range(len(self.model.x))]
         taken = {*self.model.table.effects, *(n.split(".")[1] for n in self.model.names if n.startswith("effects."))}
         tried = [*moved, *(listed(c) for c in self.candidates if c.effect not in taken)]
-        best = self._gains(self.fitted, tried)[:BEST]
+        best = self._gains(replace(self.fitted, model=self._unchanged.model), tried)[:BEST]
         had = dict[str, float]()
         if self.past:
             again = [replace(effect, trials=(s.trials[0].directions,)) for effect, s in best]
@@ -246,13 +247,14 @@ class Naming:
             gain, parts = evaluate(lin, [m])
             effect = trial.candidate
             before = found.get(effect.strength.name)
-            if gain > 0.0 and (before is None or whole * gain > before[1].gain):
-                found[effect.strength.name] = effect, _single(lin, m, whole * gain, parts)
+            gain *= whole / self.inflation
+            if gain > 0.0 and (before is None or gain > before[1].gain):
+                found[effect.strength.name] = effect, _single(lin, m, gain, parts)
         return sorted(found.values(), key=lambda h: -h[1].gain)
 
     def _moved(self, i: int) -> TriedEffect:
         """A followed parameter as a hypothesis: it alone moves, tried either way at finite steps."""
-        p, x = self.model.free[i], self.model.x[i]
+        p, x = self.model.free[i], self._unchanged.model.x[i]
         section, _, rest = p.name.partition(".")
         name = rest.partition(".")[0] if section == "effects" else p.name
         place = {c.effect: c.place for c in self.candidates}.get(name) or PLACES[section]
@@ -263,17 +265,16 @@ class Naming:
     def _begun(self, effect: TriedEffect, proposal: EffectSet) -> FreeModel:
         """Where a refit begins: the hypothesis at the likeliest part of its linear prediction, others moved or not."""
         (trial,), (parts,) = proposal.trials, proposal.parts
-        found, name = list[FreeModel](), effect.strength.name
+        found, name, unchanged = list[FreeModel](), effect.strength.name, self._unchanged.model.x
         for part in MULTIPLES:
-            for x in (self.model.x, self.model.x + np.clip(part * proposal.change, -SHIFT, SHIFT)):
+            for x in (self.model.x, unchanged, unchanged + np.clip(part * proposal.change, -SHIFT, SHIFT)):
                 if name not in self.model.names:
                     model = self.model.at(x).with_effect(effect, trial.values([part * s for s in parts]))
                     found.append(replace(model, priors={**model.priors, **self._shapes(effect)}))
                     continue
                 i = self.model.names.index(name)
                 moved = x.copy()
-                tried = trial.directions[0][name] / effect.strength.scale - self.model.x[i]
-                moved[i] = self.model.x[i] + part * parts[0] * tried
+                moved[i] += part * parts[0] * (trial.directions[0][name] / effect.strength.scale - unchanged[i])
                 free = (self.model.value(name), FREE * effect.strength.scale)
                 found.append(replace(self.model, priors={**self.model.priors, name: free}).at(moved))
         rows = np.vstack([m.vectors(m.x) for m in found])

@@ -26,11 +26,12 @@ from shake_ros.fit.model import FreeModel
 from shake_ros.fit.segment import SETTLE, Segment
 from shake_ros.twin.change import (
     HOUR,
-    SQUARE_SPREAD,
     Alarm,
     KnownState,
+    NormalSquare,
     alarm,
     conditional,
+    mean_log,
     pooled,
     threshold,
     windows_since,
@@ -50,6 +51,7 @@ LEAST_FELT = 1e-3  # share of the acceleration that one unit of a parameter move
 FROZEN = 0.2  # for which a sensor stands still to the last digit while the table moves [s]
 KEPT = 160  # windows
 MOST_NAMED = 5  # windows from which a change is named
+EXPLAINED = 3.0  # standard normal variable of the innovations' mean square, up to which a change is explained
 NO_MOTION = np.zeros((0, 5))
 INTERVAL = 1.645  # standard deviations to each side of a 90 % interval
 
@@ -108,12 +110,12 @@ class TwinWindow:
 
 @dataclass(frozen=True)
 class _Normal:
-    """What the reference has shown: levels of noise, inflation of the variance, log mean square and its deviation,
-    error of free runs, loudness, the table, and the variance of what does not matter, shape (p,)."""
+    """What the reference has shown: levels of noise, inflation of the variance, mean square of the innovations, error
+    of free runs, loudness, the table, and the variance of what does not matter, shape (p,)."""
 
     levels: Levels
     inflation: float
-    square: tuple[float, float]
+    square: NormalSquare
     error: float
     loudness: float
     table: TableParameters
@@ -357,8 +359,7 @@ class Twin:
             )
         inflation = scatter(found)
         self._model, self._known = model, pooled(first, found, inflation)
-        logs = np.log([w.square for w in found])
-        square = (float(np.mean(logs)), float(np.std(logs)))
+        square = NormalSquare.of([w.square for w in found])
         apart = self._indifferent(records[:: max(len(records) // FEW, 1)])
         self._normal = _Normal(levels, inflation, square, error, loudness, model.found_table(), apart)
         self._waiting = []
@@ -408,7 +409,7 @@ class Twin:
         if not named.share > self.settings.test.matters:
             self._onset = first
             self._known = pooled(now.known, windows[:-1], now.normal.inflation)
-            self._go_on(now.normal, float(np.mean([math.log(w.square) for w in windows])))
+            self._go_on(now.normal, mean_log(windows))
             return None
         _, window, stamp, at = self._history[-m]
         change = onset.change or Change(window.record.name, at, stamp, noticed, found.score, named)
@@ -435,8 +436,7 @@ class Twin:
             onset.before,
             since,
         )
-        mean, spread = onset.normal.square
-        return naming.named(math.exp(mean + 3.0 * math.hypot(spread, SQUARE_SPREAD)))
+        return naming.named(onset.normal.square.most(EXPLAINED))
 
     def _take(self, named: Named, onset: _Onset) -> None:
         """Go on with the changed model; what is not established leaves the table as it was before."""
@@ -444,7 +444,7 @@ class Twin:
         self._left = onset.left
         if named.verdict != ESTABLISHED and not (named.explained and kept.followed):
             self._left = self._left or onset.model.at(known.mean).found_table()
-        grown = max(kept.square / math.exp(onset.normal.square[0]), 1.0)
+        grown = max(kept.square / math.exp(onset.normal.square.mean), 1.0)
         covariance = known.covariance.copy()
         # of those that are held, as before
         covariance[:p, :p] += grown * named.covariance(p) - conditional(covariance, p)
@@ -455,9 +455,9 @@ class Twin:
 
     def _go_on(self, normal: _Normal, square: float) -> None:
         """Watch again, where the log mean square of the innovations has become normal; windows scatter as they grew."""
-        mean, spread = normal.square
-        grown = max(square - mean, 0.0)
-        self._normal = replace(normal, square=(mean + grown, spread), inflation=normal.inflation * math.exp(grown))
+        grown = max(square - normal.square.mean, 0.0)
+        shifted = replace(normal.square, mean=normal.square.mean + grown)
+        self._normal = replace(normal, square=shifted, inflation=normal.inflation * math.exp(grown))
         self._history, self._alarm = [], None
 
 

@@ -11,11 +11,11 @@ import pytest
 from named_changes import LEAKAGE, change
 
 from shake_ros.core.identification.recordings import Record
-from shake_ros.twin.change import KnownState, alarm, threshold, windows_since
+from shake_ros.twin.change import KnownState, NormalSquare, alarm, threshold, windows_since
 from shake_ros.twin.evidence import WindowEvidence
 
 P, WALK, EXACT = 3, np.full(3, 1e-6), np.zeros(3)
-NORMAL = (0.0, 0.1)
+NORMAL = NormalSquare(0.0, 0.1, 9)
 NONE = Record("none", 1e-3, np.zeros(64), np.zeros(64))
 
 
