@@ -21,7 +21,7 @@ distinguish the two, whatever the prior.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -37,7 +37,7 @@ from shake_ros.fit.model import SENSOR, SENSOR_FILTER, TABLE, FreeModel, TriedEf
 from shake_ros.fit.solver import Budget, PredictorFit, descend, jacobian, prior_residuals
 from shake_ros.search.candidates import functions, listed
 from shake_ros.search.loop import PRIOR
-from shake_ros.search.proposal import MULTIPLES, SHIFT, EffectSet, Linearised, evaluate, linearised
+from shake_ros.search.proposal import MULTIPLES, NONE_MOVED, SHIFT, EffectSet, Linearised, evaluate, linearised
 from shake_ros.twin.change import KnownState
 from shake_ros.twin.evidence import ScaledPredictor, segment_of
 
@@ -46,7 +46,6 @@ BEST = 12  # hypotheses that are tried before the change as well
 REFITTED, WORTH = 6, 0.5  # hypotheses that are refitted at most, and the part of the best one's gain that they need
 STEPS, CONVERGED = 30, 0.1  # Jacobians of a refit at most; fall of the cost at which it has converged [nats]
 RIVAL = math.log(20.0)  # nats behind the best, within which a hypothesis stays possible
-MOVED = 1.5  # times the size of a change that matters, by which a followed parameter is first moved
 FREE = 1e3  # units within which the parameter of a hypothesis may move
 ESTABLISHED, ONE_OF_THESE, NOT_EXPLAINED = "established", "one of these", "not explained"
 PLACES = {
@@ -221,14 +220,15 @@ class Naming:
     def _refits(self) -> list[Hypothesis]:
         """The best hypotheses by their linear gain since the change less that before it, refitted in this order while
         the gain is worth it beside what a refit has found."""
-        moved = [self._moved(i) for i in range(len(self.model.x))]
+        moved = {i: self._moved(i) for i in range(len(self.model.x))}
         taken = {*self.model.table.effects, *(n.split(".")[1] for n in self.model.names if n.startswith("effects."))}
-        tried = [*moved, *(listed(c) for c in self.candidates if c.effect not in taken)]
-        best = self._gains(replace(self.fitted, model=self._unchanged.model), tried)[:BEST]
-        had = dict[str, float]()
-        if self.past:
-            again = [replace(effect, trials=(s.trials[0].directions,)) for effect, s in best]
-            had = {effect.strength.name: self._share * s.gain for effect, s in self._gains(self.past, again)}
+        tried = [listed(c) for c in self.candidates if c.effect not in taken]
+        best = self._gains(self.fitted, self._unchanged.model.x, tried, moved)[:BEST]
+        had, names = dict[str, float](), self.model.names
+        again = [replace(e, trials=(s.trials[0].directions,)) for e, s in best if e.strength.name not in names]
+        if self.past and again:
+            gained = self._gains(self.past, self.model.x, again)
+            had = {effect.strength.name: self._share * s.gain for effect, s in gained}
         net = {effect.strength.name: s.gain - had.get(effect.strength.name, 0.0) for effect, s in best}
         found, most = list[Hypothesis](), 0.0
         for effect, proposal in sorted(best, key=lambda h: -net[h[0].strength.name])[:REFITTED]:
@@ -238,11 +238,20 @@ class Naming:
             most = max(most, found[-1].evidence)
         return found
 
-    def _gains(self, fitted: PredictorFit, tried: Sequence[TriedEffect]) -> list[tuple[TriedEffect, EffectSet]]:
-        """Each hypothesis that gains anything at its best trial, to first order and on some windows; the best first."""
-        some = replace(fitted, prediction=fitted.prediction.part(SCREENED))
-        lin, found = linearised(some, tried), dict[str, tuple[TriedEffect, EffectSet]]()
-        whole = fitted.prediction.count / some.prediction.count
+    def _gains(
+        self,
+        fitted: PredictorFit,
+        x: np.ndarray,
+        tried: Sequence[TriedEffect],
+        moved: Mapping[int, TriedEffect] = NONE_MOVED,
+    ) -> list[tuple[TriedEffect, EffectSet]]:
+        """Each hypothesis that gains anything at its best trial, to first order at x and on some windows, beside which
+        what is known weighs as much as beside all; the best first."""
+        some = fitted.prediction.part(SCREENED)
+        whole = fitted.prediction.count / some.count
+        known = replace(self.model.known, covariance=whole * self.model.known.covariance)
+        part = replace(fitted, model=replace(self.model, x=x, known=known), prediction=some)
+        lin, found = linearised(part, tried, moved), dict[str, tuple[TriedEffect, EffectSet]]()
         for m, trial in enumerate(lin.trials):
             gain, parts = evaluate(lin, [m])
             effect = trial.candidate
@@ -253,14 +262,12 @@ class Naming:
         return sorted(found.values(), key=lambda h: -h[1].gain)
 
     def _moved(self, i: int) -> TriedEffect:
-        """A followed parameter as a hypothesis: it alone moves, tried either way at finite steps."""
-        p, x = self.model.free[i], self._unchanged.model.x[i]
+        """A followed parameter as a hypothesis: it alone moves further than what is known lets it."""
+        p = self.model.free[i]
         section, _, rest = p.name.partition(".")
         name = rest.partition(".")[0] if section == "effects" else p.name
         place = {c.effect: c.place for c in self.candidates}.get(name) or PLACES[section]
-        reached = np.clip(x + MOVED * self.sizes[i] * np.array([-1.0, 1.0]), *(b[i] for b in self.model.bounds))
-        trials = tuple(({p.name: float(v * p.scale)},) for v in reached if v != x)
-        return TriedEffect(name, (FreeParameter(p.name, p.scale, -math.inf, math.inf, p.unit),), trials, place)
+        return TriedEffect(name, (FreeParameter(p.name, p.scale, -math.inf, math.inf, p.unit),), (), place)
 
     def _begun(self, effect: TriedEffect, proposal: EffectSet) -> FreeModel:
         """Where a refit begins: the hypothesis at the likeliest part of its linear prediction, others moved or not."""
@@ -274,7 +281,7 @@ class Naming:
                     continue
                 i = self.model.names.index(name)
                 moved = x.copy()
-                moved[i] += part * parts[0] * (trial.directions[0][name] / effect.strength.scale - unchanged[i])
+                moved[i] += part * parts[0]
                 free = (self.model.value(name), FREE * effect.strength.scale)
                 found.append(replace(self.model, priors={**self.model.priors, name: free}).at(moved))
         rows = np.vstack([m.vectors(m.x) for m in found])
