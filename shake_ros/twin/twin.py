@@ -335,7 +335,7 @@ class Twin:
         if self._alarm:  # as before the change, until it has a name
             self._known = self._history[-self._alarm[0].windows][0]
         elif change is None:
-            self._known = pooled(self._known, [seen], self._normal.inflation)
+            self._known = self._after(self._known, [seen])
         return self._reported(start, stop, self._state, "", seen.square, seen.motion, change)
 
     def _evidence(self, record: Record, levels: Levels, loudness: float) -> WindowEvidence:
@@ -408,14 +408,27 @@ class Twin:
             onset, named = now, self._named(now, since)
         if not named.share > self.settings.test.matters:
             self._onset = first
-            self._known = pooled(now.known, windows[:-1], now.normal.inflation)
+            self._known = self._after(now.known, windows[:-1])
             self._go_on(now.normal, mean_log(windows))
             return None
         _, window, stamp, at = self._history[-m]
         change = onset.change or Change(window.record.name, at, stamp, noticed, found.score, named)
         self._onset = replace(onset, change=replace(change, named=named))
-        self._take(named, onset)
+        self._left = onset.left
+        if named.explained:
+            self._take(named, onset)
+        else:
+            self._model, self._known = onset.model, onset.known
+            self._go_on(onset.normal, mean_log(windows))
         return self._onset.change
+
+    def _after(self, known: KnownState, windows: list[WindowEvidence]) -> KnownState:
+        """What is known after windows; as before while a change is not explained, for it would pass as another."""
+        assert self._normal is not None
+        change = self._onset.change if self._onset else None
+        if change is not None and not change.named.explained:
+            return known
+        return pooled(known, windows, self._normal.inflation)
 
     def _onset_of(self, m: int) -> _Onset:
         """That of a change before the last m windows."""
@@ -441,8 +454,7 @@ class Twin:
     def _take(self, named: Named, onset: _Onset) -> None:
         """Go on with the changed model; what is not established leaves the table as it was before."""
         kept, known, p = named.kept, onset.known, self._count
-        self._left = onset.left
-        if named.verdict != ESTABLISHED and not (named.explained and kept.followed):
+        if named.verdict != ESTABLISHED and not kept.followed:
             self._left = self._left or onset.model.at(known.mean).found_table()
         grown = max(kept.square / math.exp(onset.normal.square.mean), 1.0)
         covariance = known.covariance.copy()
