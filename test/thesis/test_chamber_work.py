@@ -56,8 +56,8 @@ def test_the_plants_pressures_follow_this_compliance(law: str, ratio: float) -> 
     sealed = {"valve.underlap": -0.1, "leakage.internal": 0.0, "leakage.external": 0.0, "body.area_ratio": ratio}
     vector = (THESIS if law == "thesis" else EXCHANGED).with_values(sealed)
     for p_a, p_b in ((9e6, 9.4e6), (8e6, 12e6)):
-        p, y, rates = records(vector.vector())[0], initial_state(vector.vector(), 0.0, p_a, p_b), np.zeros(CONTINUOUS)
-        y[VELOCITY] = 0.1
+        p, y, rates = records(vector.vector())[0], initial_state(vector.vector()), np.zeros(CONTINUOUS)
+        y[VELOCITY], y[PRESSURE_A], y[PRESSURE_B] = 0.1, p_a, p_b
         right_hand_side(p, y, y, 0.0, 0.0, active_states(p), rates)
         swept = 0.1 * vector.body.piston_area
         flows = compliance(vector, p_a, p_b) @ np.array([rates[PRESSURE_A], rates[PRESSURE_B]])
