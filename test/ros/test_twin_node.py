@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
-from named_changes import LEAKAGE, SENSOR, change, idle_twin, twin_window
+from named_changes import LEAKAGE, SECOND, SENSOR, change, idle_twin, twin_window
 from rclpy.node import Node
 
 import shake_ros as sr
@@ -115,7 +116,8 @@ def test_light_changes_and_curves_reach_the_page(ros_domain, tmp_path) -> None:
         assert shown(note="no samples for 3.00 s") == (1, "paused: no samples for 3.00 s")
         level, words = shown(found=change(LEAKAGE))
         assert (level, words[:29]) == (1, "leakage.internal × 2.00 (1.84")
-        assert shown(found=change(SENSOR, explained=False))[0] == 2
+        later = replace(change(SENSOR, explained=False), since=4 * SECOND)
+        assert shown(found=later)[0] == 2
         assert shown()[0] == 2  # the light stays
         assert [one["level"] for one in desk.twin()["changes"]] == [1, 2]
         assert desk.twin()["changes"][0]["since"] == 3.0
