@@ -13,7 +13,7 @@ import pytest
 from lab_process import Started, children
 
 from benchmarks.page.browser import CHROMIUM, DRIVER, Operator, chromium
-from benchmarks.page.by_mouse import next_recording, options, quick_interlock, record, twin
+from benchmarks.page.by_mouse import options, quick_interlock, record, twin
 
 if not (CHROMIUM and DRIVER):
     warnings.warn("the live page is opened in no browser: apt install chromium chromium-driver", stacklevel=1)
@@ -127,29 +127,6 @@ def test_table_is_run_tripped_recorded_learned_from_and_lost_by_mouse(ros_domain
 
 
 @pytest.mark.second_tier
-def test_next_recording_is_designed_released_played_and_searched_by_mouse(ros_domain, tmp_path, operator) -> None:
-    results = tmp_path / "results" / "decide_first"
-    with Started(*options(tmp_path)) as lab:
-        operator.driver.get(lab.wait_for("open http").partition("open ")[2])
-        shown = next_recording(operator, tmp_path)
-        assert next(shown) == "asks"
-        assert "the next recording: " in operator.find(".asks").text
-        assert "shows or excludes" in operator.find(".asks").text
-        operator.driver.switch_to.frame(operator.find("#report"))
-        assert operator.driver.find_elements("css selector", ".uplot"), "no picture of the predictions"
-        operator.driver.switch_to.default_content()
-        assert not (results / "recordings").exists()  # nothing has moved
-        assert next(shown) == "decided"
-        assert (results / "recordings" / "next_1" / "metadata.yaml").is_file()
-        assert operator.peak("position") > 0.002
-        operator.find("[data-mark=learn][data-run=decide_first_next_1]")
-        assert list(shown) == ["cancelled"]
-        assert operator.find("[data-use]").is_enabled()  # the decided table can be loaded
-        assert operator.errors() == []
-        assert lab.end() == 0, lab.lines
-
-
-@pytest.mark.second_tier
 def test_twin_is_watched_released_and_taken_back_by_mouse(ros_domain, tmp_path, operator) -> None:
     with Started(*options(tmp_path, pace=4.0)) as lab:
         operator.driver.get(lab.wait_for("open http").partition("open ")[2])
@@ -163,9 +140,6 @@ def test_twin_is_watched_released_and_taken_back_by_mouse(ros_domain, tmp_path, 
         operator.wait_for("the change", lambda: "flow_coefficient × 0.8" in operator.find("#twin-changes").text)
         assert "→ have the spool and its null checked" in operator.find("#twin-changes").text
         assert next(shown) == "taken back"
-        assert next(shown) == "fault"
-        operator.wait_for("the fault", lambda: "accelerometer_scale" in operator.find("#twin-changes").text)
-        assert "→ check mounting, cables and calibration" in operator.find("#twin-changes").text
         assert list(shown) == []
         assert operator.errors() == []
         assert lab.end() == 0, lab.lines
