@@ -4,8 +4,8 @@
 
 `./shake lab --lockstep` runs the simulated table. `next_recording`: two short motions are recorded, which leave most
 effects open; *Decide* designs the motion that shows them, the operator releases it, and the search goes on. `twin`: the
-twin follows the table, its values are released to the closed loop; then the valve gives less flow (amber), and the
-accelerometer changes its scale (red). `--pictures`: of the page in each state.
+twin follows the table, its values are released to the closed loop; the valve gives less flow (amber), and they are
+taken back. `--pictures`: of the page in each state.
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ def twin(operator: Operator, folder: Path) -> Iterator[str]:
         yield light(operator, "unchanged")
         operator.click("#release")
         yield released(operator, "released")
-        fault(operator, FLOW, LESS_FLOW * load_table("bergamo").value(FLOW))
+        change(operator, FLOW, LESS_FLOW * load_table("bergamo").value(FLOW))
         yield light(operator, "changed")
         operator.click("#release")
         yield released(operator, "taken back")
@@ -136,12 +136,12 @@ def light(operator: Operator, word: str) -> str:
 
 
 def released(operator: Operator, word: str) -> str:
-    """Wait for what the twin says of its release."""
+    """Wait for the state of the twin's release."""
     operator.wait_for(word, lambda: word in operator.find("#twin-release").text)
     return word
 
 
-def fault(operator: Operator, name: str, value: float) -> None:
+def change(operator: Operator, name: str, value: float) -> None:
     """Change a number of the simulated table."""
     operator.tab("run")
     operator.type(f"#p-plant-{name.replace('.', '-')}", f"{value:g}\t")

@@ -78,7 +78,7 @@ class Job:
             "number": self.number, "command": self.command, "state": self.state, "doing": self.doing,
             "work": self.work, "of": dict(self.of), "open": self.open, "part": self.part,
             "left": self.left(), "seconds": (self.ended or time.time()) - self.started,
-            "lines": self.lines[-60:], "kind": self.arguments[0], "asks": self.asks,
+            "lines": self.lines[-60:], "asks": self.asks,
             "report": self._shown(answer / "report.html"), "next": self._shown(design),
             "table": (answer / "table.yaml").is_file(), "table_path": str(answer / "table.yaml"),
         }  # fmt: skip

@@ -87,7 +87,9 @@ class Library:
 
     def take(self, path: Path) -> None:
         """Show a recording of a result folder as well, under the name of both."""
-        (self.folder / f"{path.parent.parent.name}_{path.name}").symlink_to(path.resolve())
+        link = self.folder / f"{path.parent.parent.name}_{path.name}"
+        link.unlink(missing_ok=True)  # of results that have been removed
+        link.symlink_to(path.resolve())
 
     def note(self, name: str, words: Mapping[str, Any]) -> None:
         """Write down what ran."""

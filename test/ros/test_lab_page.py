@@ -1,4 +1,4 @@
-"""The laboratory by mouse and keyboard, in a real browser: run, trip, record, learn, decide, follow, release."""
+"""The laboratory by mouse and keyboard, in a real browser: run, trip, record, learn, follow, release."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 from lab_process import Started, children
 
 from benchmarks.page.browser import CHROMIUM, DRIVER, Operator, chromium
-from benchmarks.page.by_mouse import options, quick_interlock, record, twin
+from benchmarks.page.by_mouse import options, record, twin
 
 if not (CHROMIUM and DRIVER):
     warnings.warn("the live page is opened in no browser: apt install chromium chromium-driver", stacklevel=1)
@@ -39,8 +39,7 @@ def accelerogram(folder: Path) -> Path:
 
 @pytest.mark.second_tier
 def test_table_is_run_tripped_recorded_learned_from_and_lost_by_mouse(ros_domain, tmp_path, operator) -> None:
-    arguments = ["--lockstep", "--composed", "--port", "0", "--folder", str(tmp_path), "--reference", "multisine"]
-    with Started(*arguments, "--interlock", str(quick_interlock(tmp_path))) as lab:
+    with Started(*options(tmp_path)) as lab:
         operator.driver.get(lab.wait_for("open http").partition("open ")[2])
         operator.state("off")
         assert operator.see("location.search") == ""  # the token is a cookie now
