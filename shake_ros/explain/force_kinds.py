@@ -186,7 +186,7 @@ def beside_band(force: Array, deviation: Array, left: float, settings: SearchSet
     """
     ratio = np.abs(force) / np.maximum(deviation, 1e-300)
     outside, highest = float(np.mean(ratio > band_factor(settings.force_band))), float(np.max(ratio))
-    within = outside <= settings.force_outside and highest <= settings.force_highest
+    within = outside <= 1.0 - settings.force_band and highest <= settings.force_highest
     return within and left <= settings.near_noise, outside, highest
 
 
@@ -211,7 +211,7 @@ def judged_kinds(
     least = {
         "constant": settings.force_share_of_kind,
         "slow": settings.force_share_of_kind,
-        "line": settings.band_share,
+        "line": settings.force_share_of_kind,
         "at reversals": settings.force_share_of_kind,
         "impulsive": settings.force_kurtosis,
         "memory": settings.force_memory,

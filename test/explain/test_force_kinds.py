@@ -83,7 +83,7 @@ def test_what_noise_leaves_is_zero_and_of_no_kind() -> None:
 
 def test_force_within_its_band_is_not_zero_where_the_run_is_far_above_its_noise() -> None:
     found = kinds_of(20.0 * NEAR * np.sign(VELOCITY), left=7.0)
-    assert found.outside < SETTINGS.force_outside
+    assert found.outside < 1.0 - SETTINGS.force_band
     assert not found.zero
 
 

@@ -136,7 +136,7 @@ class SearchProblem:
 
         Of long recordings the search fits pieces.
         """
-        fitted = windows(list(estimation), settings.search_seconds, settings.search_piece)
+        fitted = windows(list(estimation), settings.search_seconds, settings.piece_seconds)
         pieces, held = windows(fitted, settings.piece_seconds), list(validation) or fitted
         whole, other, part = (RecordingProblem(records, model.simulator) for records in (fitted, held, pieces))
         partial = sum(len(r.commands) for r in fitted) < sum(len(r.commands) for r in estimation)
@@ -148,7 +148,7 @@ class SearchProblem:
         """A fit to the estimation data from `start`, which may be `near` its end, scored."""
         if near:
             return self.scored(fit(self.estimation, free, start, evaluations=evaluations, tolerance=tolerance))
-        least = self.settings.much_left * self.estimation.noise_cost()
+        least = self.settings.remaining_above**2 * self.estimation.noise_cost()
         result = approached(self.estimation, free, start, evaluations=evaluations, tolerance=tolerance, near=least)
         return self.scored(result)
 

@@ -19,13 +19,11 @@ class SearchSettings(Parameters):
 
     # what is fitted
     search_seconds: float = quantity("s", "estimation data that the search fits; the final model fits all", low=1.0)
-    search_piece: float = quantity("s", "length of each piece where these are fewer than all", low=1.0)
     piece_seconds: float = quantity("s", "recordings on which functions are first tried", low=1.0)
     # parameters freed late
     late_gain: float = quantity("-", "part of what stands above the noise that freeing must take", low=0.0)
     # fits
     converged: float = quantity("-", "relative change at which a converged fit stops", low=1e-12, high=1.0)
-    much_left: float = quantity("-", "ratio to the noise from which a fit begins with predictor runs", low=0.0)
     most_continued: int = quantity("-", "rivals of an effect that are compared, at most", low=1)
     continued_evaluations: int = quantity("-", "most trial points of a fit that is only compared", low=1)
     continued_tolerance: float = quantity("-", "relative change at which such a fit stops", low=1e-12, high=1.0)
@@ -38,9 +36,7 @@ class SearchSettings(Parameters):
     # how sure each effect is
     near_noise: float = quantity("-", "ratio of residual to noise up to which an effect can be established", low=1.0)
     # functions for what no listed effect explains
-    function_above_noise: float = quantity("-", "ratio to the noise from which a function is estimated", low=0.0)
     function_gain: float = quantity("-", "part of a listed effect's cost that a function may leave", low=0.0, high=1.0)
-    function_promise: float = quantity("-", "predicted fall from which one goes before all effects", low=0.0, high=1.0)
     function_ridge: float = quantity("-", "ridge on a node, of the mean power of all nodes' directions", low=0.0)
     largest_shift: float = quantity("-", "predicted change of a parameter, in its scales, that is followed", low=0.0)
     function_multiples: tuple[float, ...] = quantity("-", "parts of the linear estimate to start from", low=0.0)
@@ -51,29 +47,21 @@ class SearchSettings(Parameters):
     second_promise: float = quantity("-", "predicted fall from which a second quantity is refitted", low=0.0)
     pair_rival: float = quantity("-", "predicted fall of two quantities, over that of one", low=1.0)
     hopeless: float = quantity("-", "ratio to the least cost on pieces from which a function is dropped", low=1.0)
-    function_evaluations: int = quantity("-", "most trial points of a fit of a function", low=1)
-    function_first_tolerance: float = quantity("-", "relative change at which its fit on pieces stops", low=1e-12)
     function_tolerance: float = quantity("-", "relative change at which its fit stops", low=1e-12)
     node_deviation: float = quantity("-", "prior deviation of a node, in the kind's scale", low=1e-6)
-    curvature_deviation: float = quantity("-", "the same of a second difference of nodes", low=1e-6)
-    change_deviation: float = quantity("-", "prior deviation of a change's node, in the function's rms", low=1e-6)
-    change_curvature_deviation: float = quantity("-", "the same of a second difference of such nodes", low=1e-6)
+    change_deviation: float = quantity("-", "the same of a change's node, in the function's rms", low=1e-6)
     lowest_pulsation: float = quantity("Hz", "slowest pulsation of the supply looked for", low=1e-3)
     highest_pulsation: float = quantity("Hz", "fastest pulsation of the supply looked for", low=1e-3)
-    most_periods: int = quantity("-", "periods of a pulsation that are tried", low=0)
     period_freedom: float = quantity("-", "relative change of a period that its fit may make", low=0.0, high=0.9)
     # what remains
     remaining_above: float = quantity("-", "ratio of residual to noise from which something remains", low=0.0)
     remaining_far_above: float = quantity("-", "the same from which a motion of its own is suspected", low=0.0)
     remaining_groups: int = quantity("-", "quantile groups of a quantity", low=2)
     remaining_share: float = quantity("-", "explained share from which a residual depends on a quantity", low=0.0)
-    memoryless: float = quantity("-", "largest fall by any function where something has states of its own", low=0.0)
-    band_share: float = quantity("-", "share of the power within a third of an octave that makes a band", low=0.0)
     # the force that the final model lacks
     force_passes: int = quantity("-", "runs under the force so far, at most", low=0)
     force_settled: float = quantity("-", "fall of what is left, of that without the force, that ends them", low=0.0)
     force_band: float = quantity("-", "probability of the force's confidence band", low=0.01, high=0.999)
-    force_outside: float = quantity("-", "share of the time outside its band up to which it is zero", low=0.0, high=1.0)
     force_highest: float = quantity("-", "largest ratio to its standard deviation up to which it is zero", low=0.0)
     force_depends: float = quantity("-", "explained share from which it depends on a quantity", low=0.0, high=1.0)
     force_slow: float = quantity("Hz", "frequency below which a force is slow", low=1e-3)

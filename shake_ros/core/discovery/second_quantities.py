@@ -86,7 +86,7 @@ def function_of_two(problem: SearchProblem, current: ScoredFit, tried: FunctionS
     if not may_have_functions(current):
         return None
     settings, found = problem.settings, screen_pairs(problem, current.fit)
-    least = max(settings.function_promise, settings.pair_rival * max(tried.gains.values(), default=0.0))
+    least = max(settings.function_gain, settings.pair_rival * max(tried.gains.values(), default=0.0))
     if tried.best is not None and not (found and found[0].function.gain > least):
         return grown(problem, current, ForwardStep(tried.best, (tried.best,)))
     best = best_pair(problem, current, found, least)
@@ -95,7 +95,7 @@ def function_of_two(problem: SearchProblem, current: ScoredFit, tried: FunctionS
 
 def grown(problem: SearchProblem, current: ScoredFit, one: ForwardStep) -> ForwardStep | None:
     """A function of one quantity that leaves too much, with a second one; None where that leaves too much as well."""
-    if one.chosen.predicted_gain < problem.settings.function_promise:
+    if one.chosen.predicted_gain < problem.settings.function_gain:
         return None
     one = refined_function(problem, one)
     both = with_second_quantity(problem, one)

@@ -97,7 +97,7 @@ def leaves_far_less(problem: SearchProblem, current: ScoredFit, function: Scored
 
 def near_noise(problem: SearchProblem, current: ScoredFit) -> bool:
     """Whether a function of many nodes would fit chance."""
-    return current.validation_cost < problem.settings.function_above_noise * problem.validation.noise_cost()
+    return current.validation_cost < problem.settings.near_noise**2 * problem.validation.noise_cost()
 
 
 def may_have_functions(current: ScoredFit) -> bool:
@@ -245,7 +245,7 @@ def pulsation_periods(problem: RecordingProblem, current: Fit, settings: SearchS
     width = max(round(1.5 * count / len(product)), 1)  # bins that one line covers
     power[(frequency < settings.lowest_pulsation) | (frequency > settings.highest_pulsation)] = 0.0
     found = []
-    for _ in range(settings.most_periods):
+    for _ in range(settings.most_functions):
         i = int(np.argmax(power))
         if power[i] == 0.0:
             break
@@ -278,10 +278,12 @@ class WithNodePrior:
             {name: i for i, name in enumerate(free.base.fields)},
             dict(zip(free.names, free.scale, strict=True)),
         )
-        of_function = settings.node_deviation, settings.curvature_deviation
-        of_change = settings.change_deviation, settings.change_curvature_deviation
         self._rows = [
-            ([index[name] for name in row], scale[row[0]], *(of_function if row is NODE_NAMES else of_change))
+            (
+                [index[name] for name in row],
+                scale[row[0]],
+                settings.node_deviation if row is NODE_NAMES else settings.change_deviation,
+            )
             for row in ROWS
             if row[0] in scale
         ]
@@ -300,9 +302,9 @@ class WithNodePrior:
     def residuals(self, vectors: np.ndarray) -> np.ndarray:
         """Weighted residuals with those of the prior behind them, shape (m, n)."""
         parts = [self._problem.residuals(vectors)]
-        for columns, scale, of_node, of_curvature in self._rows:
+        for columns, scale, deviation in self._rows:
             nodes = vectors[:, columns] / scale
-            parts += [nodes / of_node, np.diff(nodes, n=2, axis=1) / of_curvature]
+            parts += [nodes / deviation, np.diff(nodes, n=2, axis=1) / (0.5 * deviation)]
         return np.hstack(parts)
 
 
@@ -311,15 +313,15 @@ def fit_to_pieces(problem: SearchProblem, found: ScreenedFunction) -> Fit:
     settings, free, pieces = problem.settings, found.free, problem.estimation_pieces
     rows = np.clip(np.array(found.starts), free.low, free.high)
     costs = np.sum(np.nan_to_num(pieces.residuals(free.vectors(rows)), nan=1e3) ** 2, axis=1)
-    start, most = rows[int(np.argmin(costs))], settings.function_evaluations
+    start, most = rows[int(np.argmin(costs))], settings.continued_evaluations
     first = WithNodePrior(pieces, free, settings)
-    return approached(first, free, start, evaluations=most, tolerance=settings.function_first_tolerance)
+    return approached(first, free, start, evaluations=most, tolerance=settings.function_tolerance)
 
 
 def fit_function(problem: SearchProblem, found: ScreenedFunction, short: Fit) -> Fit:
     """The same fitted to all estimation data, from where the fit to pieces has led."""
     settings, free = problem.settings, found.free
     whole = WithNodePrior(problem.estimation, free, settings)
-    most, tolerance = settings.function_evaluations, settings.function_tolerance
+    most, tolerance = settings.continued_evaluations, settings.function_tolerance
     result = fit(whole, free, short.x, evaluations=most, tolerance=tolerance)
     return replace(linearised(problem.estimation, result), evaluations=result.evaluations)

@@ -13,7 +13,7 @@ from shake_ros.settings import load_table
 
 def test_a_model_that_was_sought_on_pieces_is_fitted_to_all_recordings_at_the_end() -> None:
     learned, table = [recording("nothing", 1, "learn", 6.0)], load_table("bergamo")
-    settings = LEAN.replace(search_seconds=2.0, search_piece=1.0)
+    settings = LEAN.replace(search_seconds=2.0, piece_seconds=1.0)
     free = tuple(f for f in free_parameters() if f.name == "valve.flow_coefficient")
     found = identify(ModelStructure(table, free), learned, [], settings, lambda text, part: None)
     assert len(found.fit.residuals) == RecordingProblem(learned).count
