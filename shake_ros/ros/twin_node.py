@@ -74,11 +74,6 @@ class Instants:
         return [(s, values) for s, values in whole if all(map(math.isfinite, values))]
 
 
-def stopped(item: Input) -> bool:
-    """Whether a topic came, and comes no more."""
-    return item.last_arrival >= 0 and item.age() > SILENT
-
-
 class TwinNode(Behaviour):
     """Samples to the following thread; what it finds to the topics."""
 
@@ -144,6 +139,12 @@ class TwinNode(Behaviour):
                 self._queued, self._dropped = self._queued - gone, self._dropped + gone
             self._there.notify()
 
+    def _stopped(self, item: Input) -> bool:
+        """Whether a topic came, and comes no more; in lock-step, which may be slow, only once nobody publishes it."""
+        if item.last_arrival < 0 or item.age() <= SILENT:
+            return False
+        return not (self.frame.lockstep and self.frame.node.count_publishers(self.frame.resolved(item.name)))
+
     def _look(self) -> None:
         """Say which topic has stopped or is back; end where nobody publishes positions any more."""
         position = self._inputs[1]
@@ -154,7 +155,7 @@ class TwinNode(Behaviour):
                 self.frame.stop()
             return
         for item in self._inputs:
-            silent = stopped(item)
+            silent = self._stopped(item)
             if silent != self._silent[item.name]:
                 self._silent[item.name] = silent
                 self.frame.say(*((WARN, paused(nothing_on(item.name))) if silent else (OK, f"{item.name} is back")))
@@ -233,7 +234,7 @@ class TwinNode(Behaviour):
 
     def _pause(self) -> str:
         """Why the twin pauses now; empty where it does not."""
-        silent = ", ".join(item.name for item in self._inputs if stopped(item))
+        silent = ", ".join(item.name for item in self._inputs if self._stopped(item))
         return nothing_on(silent) if silent else self._note
 
     def _light(self, pause: str) -> tuple[int, str]:
