@@ -34,7 +34,7 @@ class Hidden:
 
     def residuals(self, vectors: np.ndarray) -> np.ndarray:
         x = vectors[:, COLUMNS] / [p.scale for p in PARAMETERS]
-        return 0.1 * NOISE + (x - self.true) @ np.array(DIRECTIONS)
+        return NOISE + 10.0 * (x - self.true) @ np.array(DIRECTIONS)
 
     def blocks(self) -> np.ndarray:
         return np.arange(len(NOISE)) // 100
@@ -43,7 +43,7 @@ class Hidden:
         return self
 
     def noise_cost(self) -> float:
-        return 0.01
+        return 1.0
 
 
 def problem_of(hidden: Any) -> SearchProblem:

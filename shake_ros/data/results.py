@@ -165,6 +165,7 @@ def _verdict_json(verdict: EffectVerdict) -> dict[str, Any]:
     return {
         "state": verdict.state,
         "reason": verdict.reason,
+        "odds": verdict.odds,
         "worth": verdict.worth,
         "at_bound": list(verdict.bounds),
     }

@@ -29,7 +29,7 @@ from shake_ros.experiment_design.further_sensors import FurtherSensor, further_s
 from shake_ros.experiment_design.motions import library
 from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.page import Page, write_page
-from shake_ros.report.text import sentence
+from shake_ros.report.text import odds_text, sentence
 from shake_ros.settings import load_interlock
 
 Array = NDArray[np.float64]
@@ -109,7 +109,7 @@ class NextRecording:
             yield f"the next recording: {self.prediction.motion}"
             for s in self.prediction.separations:
                 if s.settles:
-                    yield f"  distinguishes {s.rival}: expected odds {_odds(s.odds)} : 1"
+                    yield f"  distinguishes {s.rival}: expected odds {odds_text(s.odds)}"
             if self.shown:
                 yield f"  shows or excludes, which no recording does so far: {', '.join(self.shown)}"
         yield from self.cannot()
@@ -131,7 +131,7 @@ class NextRecording:
         elif any(self.further.values()):
             yield f"nor would any of these with the same motion: {', '.join(self.further)}"
         for name, settled in self.helpful.items():
-            yield f"  {name}: {', '.join(f'{s.rival} (expected odds {_odds(s.odds)} : 1)' for s in settled)}"
+            yield f"  {name}: {', '.join(f'{s.rival} (expected odds {odds_text(s.odds)})' for s in settled)}"
 
     @property
     def helpful(self) -> dict[str, tuple[Separation, ...]]:
@@ -188,10 +188,6 @@ def _log_odds(separations: Sequence[Separation]) -> dict[str, dict[str, float]]:
 
 def _limits(limits: Envelope) -> str:
     return f"{1e3 * limits.position:.3g} mm, {limits.velocity:.3g} m/s and {limits.acceleration:.3g} m/s²"
-
-
-def _odds(odds: float) -> str:
-    return "over 1 000 000" if odds >= 1e6 else f"{odds:.2g}" if odds < 100.0 else f"{odds:,.0f}".replace(",", " ")
 
 
 def limits_of(found: Discovery, limits: Mapping[str, float] | None = None) -> Envelope:

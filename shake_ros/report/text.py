@@ -245,9 +245,19 @@ def force_text(forces: Sequence[LatentForce]) -> str:
     return f"the force that the model lacks: {size}; it {force.kinds.text}{left}"
 
 
+def odds_text(odds: float) -> str:
+    """Odds for a reader, such as "480 : 1"."""
+    if odds < 1.0:
+        return f"1 : {1.0 / odds:,.0f}".replace(",", " ") if odds > 1e-6 else "below 1 : 1 000 000"
+    if odds > 0.99e6:
+        return "over 1 000 000 : 1"
+    return f"{odds:.2g} : 1" if odds < 100.0 else f"{odds:,.0f} : 1".replace(",", " ")
+
+
 def verdict_lines(verdict: EffectVerdict) -> list[str]:
     """State of an effect with its worth and what rests on a bound."""
-    lines = [f"  {verdict.state}: {verdict.reason}; without it the error is {verdict.worth:.2f} times as large"]
+    worth = f"without it the error is {verdict.worth:.2f} times as large"
+    lines = [f"  {verdict.state}, odds {odds_text(verdict.odds)}: {verdict.reason}; {worth}"]
     return lines + [f"  {name} rests on a bound: something else is missing" for name in verdict.bounds]
 
 

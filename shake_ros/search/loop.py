@@ -22,13 +22,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from shake_ros.core.discovery.decision import price, tempered
 from shake_ros.fit.likelihood import Levels, Likelihood
 from shake_ros.fit.model import FreeModel, TriedEffect
 from shake_ros.fit.solver import Budget, PredictorFit, fit
 from shake_ros.search.proposal import EffectSet, Linearised, linearised, proposals, start, weakest
 
 Progress = Callable[[str], None]
-PRIOR = math.log(30.0)  # nats against an effect: about so many are tried
 SHORT, LONG = 8, 16  # Jacobians of a fit that is to be compared, and of one that goes on
 SETTLED = 3.0  # gain in log likelihood from which a fit goes on [nats]
 MORE = 1.1  # times what fewer effects promise, from which a larger set is refitted: less is mostly curvature
@@ -81,21 +81,6 @@ class Scored:
         return self.fitted.prediction.levels
 
 
-def tempered(better: np.ndarray, worse: np.ndarray) -> float:
-    """Gain in log likelihood that its scatter from block to block lets count [nats].
-
-    For models that are right the variance of the gain is twice its mean; where it is larger by a factor, the gain
-    counts less by that factor.
-
-    >>> blocks = np.random.default_rng(0).normal(2.0, 2.0, 400)
-    >>> bool(abs(tempered(blocks, 0.0 * blocks) / np.sum(blocks) - 1.0) < 0.2)
-    True
-    """
-    d = better - worse
-    gain, variance = float(np.sum(d)), float(len(d) * np.var(d))
-    return math.copysign(min(abs(gain), 2.0 * gain * gain / max(variance, 1e-9)), gain)
-
-
 def evidence(more: Scored, less: Scored) -> float:
     """Log odds of one model against another, from estimation and validation data [nats].
 
@@ -104,18 +89,13 @@ def evidence(more: Scored, less: Scored) -> float:
     effects, better, worse = len(more.model.effects) - len(less.model.effects), more.by_block, less.by_block
     worse = worse + effects * more.seen.floor * (more.fitted.prediction.count + more.seen.count) / len(better)
     fitted = float(np.sum((better - worse)[: len(more.fitted.likelihood)]))
-    return min(tempered(better, worse), fitted) - price_over(more, less)
+    return min(tempered(better - worse), fitted) - price_over(more, less)
 
 
 def price_over(more: Scored, less: Scored) -> float:
     """What a model has to gain on another for what it has in addition [nats]."""
     effects, parameters = len(more.model.effects) - len(less.model.effects), len(more.model.x) - len(less.model.x)
     return price(effects, parameters, len(more.fitted.likelihood))
-
-
-def price(effects: int, parameters: int, blocks: int) -> float:
-    """What so many effects and parameters have to gain on estimation data of so many blocks [nats]."""
-    return effects * PRIOR + 0.5 * parameters * math.log(10 * blocks)
 
 
 class SetSearch:

@@ -69,7 +69,7 @@ def check_report(report: Any) -> None:
     assert isinstance(report["steps"], list)
     for step in report["steps"]:
         keys = {"effect", "alternatives", "place", "parameters", "evidence", "error"}
-        assert set(step) - {"depends_on"} == keys | {"state", "reason", "worth", "at_bound"}
+        assert set(step) - {"depends_on"} == keys | {"state", "reason", "odds", "worth", "at_bound"}
         assert step["state"] in ("established", "likely", "one of these")
         assert (step["state"] == "one of these") == bool(step["alternatives"])
         assert step["worth"] > 1.0

@@ -311,7 +311,7 @@ def test_unlisted_function_is_described_by_what_it_depends_on_and_its_form() -> 
 
 def test_what_is_not_established_is_not_called_nothing_missing_and_has_its_figures() -> None:
     found = command("nothing").result
-    candidate = EffectVerdict("coulomb_friction", "friction", "not established", 1.35, "worth little")
+    candidate = EffectVerdict("coulomb_friction", "friction", "not established", 0.5, 1.35, "worth little")
     errors = {"held": {"velocity": 0.185, "acceleration": 0.251}}
     page = Page("a", "b")
     found_section(page, dataclasses.replace(found, candidates=(candidate,), with_candidates=errors), None)

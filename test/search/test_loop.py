@@ -20,7 +20,7 @@ from shake_ros.fit.segment import Segment, pieces
 from shake_ros.fit.solver import Budget
 from shake_ros.search.answer import DECLARED, answer
 from shake_ros.search.candidates import listed
-from shake_ros.search.loop import LONG, SearchData, SetSearch, evidence, tempered
+from shake_ros.search.loop import LONG, SearchData, SetSearch, evidence
 from shake_ros.search.proposal import linearised, proposals
 from shake_ros.settings import load_table
 
@@ -82,13 +82,6 @@ def test_what_could_stand_in_the_place_of_an_effect_is_named_beside_it() -> None
 
 def test_search_whose_time_is_over_gives_the_declared_table() -> None:
     assert named(Hidden(dead_band=0.02), seconds=0.0) == ()
-
-
-def test_gain_that_varies_from_block_to_block_counts_less() -> None:
-    steady, wild = np.full(50, 2.0), np.where(np.arange(50) % 2 == 0, 52.0, -48.0)
-    assert tempered(steady, np.zeros(50)) == pytest.approx(100.0)
-    assert tempered(wild, np.zeros(50)) < 1.0
-    assert tempered(np.zeros(50), steady) == pytest.approx(-100.0)
 
 
 @pytest.mark.parametrize(("fitted", "validation", "counts"), [(2.0, 2.0, True), (0.0, 4.0, False), (4.0, -4.0, False)])

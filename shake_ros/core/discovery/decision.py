@@ -1,7 +1,8 @@
-"""Decision: which effects may stand for the one that explains most?
+"""Decision: the odds of one model against another, and which effects may stand for the one that explains most.
 
-Costs are mean squares of weighted residuals; those of the validation data also block of time by block of time, so that
-a difference can be held against its own scatter.
+All verdicts rest on this one number. A difference of two models counts over what the better one leaves, as its scatter
+from block to block of the validation data allows, no more than on the data of the fit, and only beyond what no model
+explains: whatever makes that may make the difference as well.
 """
 
 from __future__ import annotations
@@ -13,8 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.problem import ScoredFit
-from shake_ros.core.discovery.search_settings import SearchSettings
+from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
+
+PRIOR = math.log(30.0)  # nats against an effect: about so many are tried
+MOST = math.log(1e6)  # that is reported of log odds
 
 
 @dataclass(frozen=True)
@@ -51,45 +54,62 @@ class ForwardStep:
     alternatives: tuple[str, ...] = ()
 
 
-def significance(better: np.ndarray, worse: np.ndarray) -> float:
-    """Mean over its standard error of the difference of two costs, block by block; inf without blocks to compare."""
-    if len(better) < 2 or len(better) != len(worse):
-        return math.inf
-    difference = worse - better
-    return float(np.mean(difference) / max(np.std(difference, ddof=1) / math.sqrt(len(difference)), 1e-300))
+def tempered(gains: np.ndarray) -> float:
+    """Gain in log likelihood, given by block, that its scatter from block to block lets count [nats].
+
+    For models that are right the variance of the gain is twice its mean; where it is larger by a factor, the gain
+    counts less by that factor.
+
+    >>> blocks = np.random.default_rng(0).normal(2.0, 2.0, 400)
+    >>> bool(abs(tempered(blocks) / np.sum(blocks) - 1.0) < 0.2)
+    True
+    """
+    gain, variance = float(np.sum(gains)), float(len(gains) * np.var(gains))
+    return math.copysign(min(abs(gain), 2.0 * gain * gain / max(variance, 1e-9)), gain)
 
 
-def distinguishable(best: ScoredFit, other: ScoredFit, settings: SearchSettings, noise: float = 0.0) -> bool:
-    """Whether the recordings decide between the best refit and another one.
+def price(effects: int, parameters: int, blocks: int) -> float:
+    """What so many effects and parameters have to gain on data of so many blocks of a second [nats]."""
+    return effects * PRIOR + 0.5 * parameters * math.log(10 * blocks)
 
-    They do not where the scores are all but equal, nor where they are near each other and either the estimation data
-    speak for one of the two, the validation data for the other, or the difference varies so much from block to block of
-    the validation data that it may be chance, or it is smaller than what the better of the two leaves unexplained above
-    the noise: whatever makes that may make the difference as well.
+
+def unexplained(problem: SearchProblem, model: ScoredFit) -> float:
+    """Validation cost that a model leaves beyond what may be noise [-]."""
+    return max(model.validation_cost - problem.settings.remaining_above**2 * problem.validation.noise_cost(), 0.0)
+
+
+def log_odds(problem: SearchProblem, model: ScoredFit, other: ScoredFit, effects: int = 0, left: float = 0.0) -> float:
+    """Log odds of a model against another one [nats].
 
     Parameters
     ----------
-    noise : validation cost that the sensor noise alone leaves [-]
+    effects : that it has in addition. left : cost that no model explains, beyond which its gain counts [-].
     """
-    if other.score <= (1.0 + settings.margin) * best.score:
-        return False
-    if other.score > settings.rival * best.score:
-        return True
-    difference = other.validation_cost - best.validation_cost
-    if other.estimation_cost <= best.estimation_cost or difference <= 0.0 or difference < best.validation_cost - noise:
-        return False
-    return significance(best.validation_blocks, other.validation_blocks) > settings.significant
+
+    def variance(cost: float, noise: float) -> float:
+        """Of a weighted residual: at least that of the noise, which has 1."""
+        return max(cost / noise, 1.0)
+
+    blocks = model.validation_blocks
+    samples = float(np.sum(blocks)) / max(model.validation_cost, 1e-300)
+    fitted = len(model.fit.residuals) * (other.estimation_cost - model.estimation_cost - left)
+    fitted /= 2.0 * variance(model.estimation_cost, problem.estimation.noise_cost())
+    gains = other.validation_blocks - blocks - left * samples / len(blocks)
+    gains /= 2.0 * variance(model.validation_cost, problem.validation.noise_cost())
+    more = len(model.fit.x) - len(other.fit.x)
+    return min(tempered(gains), fitted) - price(effects, more, len(blocks))
 
 
-def decide(ranking: Sequence[Refit], settings: SearchSettings, noise: float) -> ForwardStep:
+def decide(problem: SearchProblem, ranking: Sequence[Refit]) -> ForwardStep:
     """The best refit, with those that are indistinguishable from it; of these the best with usual values is named.
 
     Parameters
     ----------
-    ranking : refits, the best first. noise : validation cost that the sensor noise alone leaves [-]
+    ranking : refits, the best first.
     """
-    best = ranking[0].result
-    alike = [r for r in ranking if r is ranking[0] or not distinguishable(best, r.result, settings, noise)]
+    best, sure = ranking[0].result, math.log(problem.settings.sure)
+    left = unexplained(problem, best)
+    alike = [r for r in ranking if r is ranking[0] or log_odds(problem, best, r.result, left=left) < sure]
     chosen = next((r for r in alike if r.usual), alike[0])
     ranking = (chosen, *(r for r in ranking if r is not chosen))
     return ForwardStep(chosen, ranking, tuple(r.candidate.effect for r in alike if r is not chosen))

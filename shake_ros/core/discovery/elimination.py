@@ -45,11 +45,11 @@ def in_its_place(
     return problem.fitted(free, x, settings.converging_evaluations, settings.continued_tolerance)
 
 
-def rivals(steps: Sequence[ForwardStep], step: ForwardStep, nearest: float, most: int) -> list[Refit]:
-    """Effects that came near a step's when it was chosen, the nearest first, and all that were named beside it."""
+def rivals(steps: Sequence[ForwardStep], step: ForwardStep, most: int) -> list[Refit]:
+    """Effects that came nearest to a step's, the nearest first, and all that were named beside it."""
     present = {s.chosen.candidate.effect for s in steps}
     others = [r for r in step.ranking if r.candidate.effect not in present]
-    near = [r for r in others if r.score < nearest * step.chosen.score][:most]
+    near = others[:most]
     return near + [r for r in others if r.candidate.effect in step.alternatives and r not in near]
 
 

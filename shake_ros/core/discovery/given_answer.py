@@ -100,12 +100,11 @@ def with_rivals(
 
     rivals : by effect, each with a table that has it.
     """
-    noise = problem.validation.noise_cost()
     for number, step in enumerate(found.steps):
         others = rivals.get(step.chosen.candidate.effect, ())
         tried = [Refit(c, in_its_place(problem, found.final, step, c, there), 0.0) for c, there in others]
         now = replace(step.chosen, result=found.final)
-        better = decide(ranked([now, *tried]), problem.settings, noise)
+        better = decide(problem, ranked([now, *tried]))
         steps = (*found.steps[:number], better, *found.steps[number + 1 :])
         found = replace(found, steps=steps, final=better.chosen.result)
     return found

@@ -91,7 +91,7 @@ def mean_square(residuals: np.ndarray) -> float:
 class ScoredFit:
     """A fit with its costs on estimation and validation data [-].
 
-    validation_blocks : validation cost of each block of time, shape (b,).
+    validation_blocks : sum of squares of each block of time of the validation data, shape (b,).
     """
 
     fit: Fit
@@ -158,11 +158,10 @@ class SearchProblem:
         return self.fitted(model.fit.free, model.fit.x, most, tolerance, near=True)
 
     def scored(self, result: Fit) -> ScoredFit:
-        """A fit with its costs, the validation cost block by block as well."""
+        """A fit with its costs, that of the validation data block by block as well."""
         r = self.validation_residuals(result.vector)
-        number = self.validation.blocks()
-        blocks = np.bincount(number, r**2) / np.maximum(np.bincount(number), 1)
-        return ScoredFit(result, mean_square(result.residuals), mean_square(r), np.asarray(blocks))
+        blocks = np.bincount(self.validation.blocks(), r**2)
+        return ScoredFit(result, mean_square(result.residuals), mean_square(r), blocks)
 
     def with_predictor(self, model: Fit) -> SearchProblem:
         """The same, with predictor runs beside the free ones where equal commands show process noise."""

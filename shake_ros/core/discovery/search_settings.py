@@ -28,11 +28,9 @@ class SearchSettings(Parameters):
     continued_evaluations: int = quantity("-", "most trial points of a fit that is only compared", low=1)
     continued_tolerance: float = quantity("-", "relative change at which such a fit stops", low=1e-12, high=1.0)
     converging_evaluations: int = quantity("-", "most trial points of a refit that is to converge", low=1)
-    rival: float = quantity("-", "ratio to the best score up to which an effect is a rival", low=1.0)
     # decision
     process_noise: float = quantity("-", "what differs between equal commands over the noise, mean squares", low=1.0)
-    margin: float = quantity("-", "relative difference of scores up to which effects are indistinguishable", low=0.0)
-    significant: float = quantity("-", "standard errors by which rivals must differ to be told apart", low=0.0)
+    sure: float = quantity("-", "odds from which a model is preferred to another", low=1.0)
     # how sure each effect is
     near_noise: float = quantity("-", "ratio of residual to noise up to which an effect can be established", low=1.0)
     # functions for what no listed effect explains

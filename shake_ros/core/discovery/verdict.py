@@ -1,18 +1,16 @@
-"""The verdict on each effect in the final model: its worth when it alone is taken out, and what could replace it.
+"""The verdict on each effect in the final model: the odds of that model against the same without the effect.
 
 An effect is
 
-    established      the residual is near the noise, and no other effect could stand for this one
-    one of these     another effect explains the data equally well in the final model
-    likely           needed, and worth more than all that is still unexplained, which stands above the noise; or there
-                     was no time to assess it to the end
-    not established  its strength at a bound, or any number of it while much is unexplained; the free runs do as well
-                     without it; or worth less than what is still unexplained
+    established      at sure odds, which no other effect shares, and with the residual near the noise
+    one of these     another effect in its place is not excluded at sure odds
+    likely           at better odds than even, but not sure, or much is unexplained; or there was no time to assess it
+    not established  at no better odds than even; its strength at a bound, or any number of it while much is unexplained
 
-Where much remains, a combination with something else may replace what was found; an effect at a bound does the work of
-something that is missing. Such effects are candidates, not findings. An effect that the recordings show without a model
-is none of them for what remains: one by which the sensors differ, as whatever else is missing moves the table and the
-table moves both sensors; or a backlash whose dwells the acceleration shows.
+What remains unexplained counts against an effect (decision.py): a combination with something else may replace it; an
+effect at a bound does the work of something that is missing. Such effects are candidates, not findings. It does not
+count against what the recordings show without a model: one by which the sensors differ, as whatever else is missing
+moves the table and the table moves both sensors; or a backlash whose dwells the acceleration shows.
 
 A fit without an effect that had to end early leaves at least what it would have left at its end. So when the time
 budget is over an effect may still turn out to be needless, but none is established.
@@ -20,13 +18,14 @@ budget is over an effect may still turn out to be needless, but none is establis
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.decision import ForwardStep
+from shake_ros.core.discovery.decision import MOST, ForwardStep, log_odds, unexplained
 from shake_ros.core.discovery.elimination import without
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
 from shake_ros.core.discovery.selection import Selection
@@ -40,7 +39,8 @@ ESTABLISHED, LIKELY, ONE_OF_THESE, NOT_ESTABLISHED = "established", "likely", "o
 class EffectVerdict:
     """What is concluded about one effect in the final model.
 
-    worth : rms residual of the validation data without it, over that with it [-]. reason : of the verdict, one phrase.
+    odds : of the final model against the same without it, 10⁶ at most. worth : rms residual of the validation data
+    without it, over that with it [-]. reason : of the verdict, one phrase.
     alternatives : effects that could stand for it in the final model. bounds : its parameters that rest on a bound.
     candidate, model : the effect with its parameters, and the model that had it when it was assessed.
     """
@@ -48,6 +48,7 @@ class EffectVerdict:
     effect: str
     place: str
     state: str
+    odds: float
     worth: float
     reason: str
     alternatives: tuple[str, ...] = ()
@@ -72,36 +73,34 @@ def verdict_of(
     """
     settings, final = problem.settings, found.final
     candidate, noise = step.chosen.candidate, problem.validation.noise_cost()
+    left = 0.0 if candidate.effect in shown else unexplained(problem, final)
     reduced = without(problem, final, candidate) if len(found.steps) > 1 else found.declared
     worth = float(np.sqrt(reduced.validation_cost / final.validation_cost))
     bounds = resting_parameters(final, step)
-    unexplained = final.validation_cost - settings.remaining_above**2 * noise
-    least = 1.0 + settings.margin if candidate.effect in shown else 1.0  # the search has asked of the others
-    small = reduced.validation_cost - final.validation_cost < unexplained
+    surely = log_odds(problem, final, reduced, 1, left)
     near_noise = final.validation_cost <= settings.near_noise**2 * noise
     others = step.alternatives
     early = time_is_over()
     if candidate.strength.name in bounds:
         state, reason = NOT_ESTABLISHED, "its strength is at a bound; it stands in for an effect that is missing"
-    elif reduced.score <= least * final.score:
-        state, reason = NOT_ESTABLISHED, "the model is as good without it"
+    elif surely <= 0.0:
+        state = NOT_ESTABLISHED
+        reason = "what remains unexplained may stand for it" if left else "the model is as good without it"
     elif bounds and not near_noise and candidate.effect not in shown:
         state, reason = NOT_ESTABLISHED, "at a bound, and the unexplained residual may have the same cause"
-    elif small and candidate.effect not in shown:
-        state, reason = (
-            NOT_ESTABLISHED,
-            "it explains less than remains unexplained, and may stand in for the true cause",
-        )
     elif others:
         state, reason = ONE_OF_THESE, "another effect explains the data equally well"
     elif early:
         state, reason = LIKELY, "not fully assessed: the time budget ended"
+    elif surely < math.log(settings.sure):
+        state, reason = LIKELY, "the recordings hardly show it"
     elif near_noise:
         state, reason = ESTABLISHED, "needed, no other effect replaces it, and the residual is near the noise"
     else:
         state, reason = LIKELY, "needed, but much of the residual is unexplained"
-    verdict = EffectVerdict(candidate.effect, candidate.place, state, worth, reason, others, bounds, candidate, final)
-    return verdict, reduced
+    odds = math.exp(min(surely, MOST))
+    about = candidate.effect, candidate.place, state, odds, worth, reason
+    return EffectVerdict(*about, others, bounds, candidate, final), reduced
 
 
 def with_verdicts(

@@ -2,64 +2,86 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from shake_ros.core.discovery.decision import Refit, decide, distinguishable
+from shake_ros.core.discovery.decision import PRIOR, Refit, decide, log_odds, tempered, unexplained
 from shake_ros.core.discovery.problem import ScoredFit
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.declared import effect_candidates
 from shake_ros.settings import load_search, load_table
 
-SETTINGS = load_search().replace(margin=0.03, rival=1.3)
-NOTHING = SimpleNamespace()
+SAMPLES, BLOCKS = 4000, 40  # of the validation data, and of the data of the fit as many
 
 
-def scored(estimation: float, validation: float) -> ScoredFit:
-    return ScoredFit(NOTHING, estimation, validation)  # type: ignore[arg-type]
+def problem(noise: float = 1.0) -> Any:
+    """A problem with nothing but its size. noise : mean square of the weighted residuals that it leaves."""
+    data = SimpleNamespace(noise_cost=lambda: noise)
+    return SimpleNamespace(settings=load_search(), estimation=data, validation=data)
+
+
+def scored(estimation: float, validation: float | np.ndarray) -> ScoredFit:
+    """A fit of given costs; the latter in all, or by block."""
+    fit: Any = SimpleNamespace(residuals=np.zeros(SAMPLES), x=np.zeros(10))
+    each = np.broadcast_to(validation, BLOCKS)
+    return ScoredFit(fit, estimation, float(np.mean(each)), SAMPLES / BLOCKS * each)
 
 
 @pytest.mark.parametrize(
-    ("other", "decided"),
+    ("estimation", "validation", "gained"),
     [
-        ((1.01, 1.02), False),  # all but equal
-        ((1.10, 1.10), True),  # both kinds of recordings prefer the first
-        ((0.98, 1.20), False),  # they contradict each other
-        ((1.20, 0.98), False),
-        ((0.98, 2.00), True),  # far off in what counts
+        (1.1, 1.1, 200.0),  # of 4000 residuals of unit variance half the difference of the sums of squares
+        (1.1, 1.05, 100.0),  # no more than both kinds of recordings gain
+        (1.01, 1.2, 20.0),
+        (0.99, 1.2, -20.0),
     ],
 )
-def test_two_effects_are_told_apart_only_where_all_recordings_agree(other: tuple[float, float], decided: bool) -> None:
-    assert distinguishable(scored(1.0, 1.0), scored(*other), SETTINGS, 1.0) is decided
+def test_odds_are_the_gain_in_log_likelihood_of_the_data_that_gain_less(
+    estimation: float, validation: float, gained: float
+) -> None:
+    assert log_odds(problem(), scored(1.0, 1.0), scored(estimation, validation)) == pytest.approx(gained)
 
 
-def test_a_difference_below_what_the_best_leaves_unexplained_does_not_decide() -> None:
-    best, other = scored(1.0, 1.0), scored(1.1, 1.1)
-    assert [distinguishable(best, other, SETTINGS, noise) for noise in (0.5, 0.95)] == [False, True]
+def test_an_effect_and_its_parameter_have_a_price() -> None:
+    more, less = scored(1.0, 1.0), scored(1.1, 1.1)
+    less.fit.x = np.zeros(9)  # type: ignore[misc]
+    price = PRIOR + 0.5 * math.log(10 * BLOCKS)
+    assert log_odds(problem(), more, less, effects=1) == pytest.approx(200.0 - price)
 
 
-def with_blocks(validation: np.ndarray) -> ScoredFit:
-    return ScoredFit(NOTHING, 1.0, float(np.mean(validation)), validation)  # type: ignore[arg-type]
+def test_a_difference_counts_only_beyond_what_remains_unexplained() -> None:
+    best, other = scored(2.0, 2.0), scored(2.5, 2.5)
+    left = unexplained(problem(), best)
+    assert left == pytest.approx(2.0 - 1.15**2)
+    assert log_odds(problem(), best, other) > 100.0
+    assert log_odds(problem(), best, other, left=left) < 0.0
 
 
 def test_a_difference_that_some_blocks_make_and_others_take_back_is_chance() -> None:
-    best = with_blocks(np.ones(40))
-    scattered = with_blocks(1.0 + 0.14 + np.where(np.arange(40) % 2, 0.7, -0.7))
-    steady = with_blocks(1.0 + 0.14 + np.where(np.arange(40) % 2, 0.05, -0.05))
-    worse = replace(scattered, estimation_cost=1.01), replace(steady, estimation_cost=1.01)
-    assert [distinguishable(best, other, SETTINGS, 1.0) for other in worse] == [False, True]
+    swing = np.where(np.arange(BLOCKS) % 2, 1.0, -1.0)
+    scattered, steady = scored(1.2, 1.14 + 0.9 * swing), scored(1.2, 1.14 + 0.05 * swing)
+    best = scored(1.0, 1.0)
+    assert log_odds(problem(), best, scattered) < 3.0 < 100.0 < log_odds(problem(), best, steady)
 
 
-def back_pressure(pressure: float, blocks: int = 0) -> Refit:
-    """A fitted back pressure of the tank [Pa]; with blocks of the validation data where it is fitted to the whole."""
+def test_gain_that_varies_from_block_to_block_counts_less() -> None:
+    steady, wild = np.full(50, 2.0), np.where(np.arange(50) % 2 == 0, 52.0, -48.0)
+    assert tempered(steady) == pytest.approx(100.0)
+    assert tempered(wild) < 1.0
+    assert tempered(-steady) == pytest.approx(-100.0)
+
+
+def back_pressure(pressure: float) -> Refit:
+    """A fitted back pressure of the tank [Pa]."""
     tank = next(c for c in effect_candidates() if c.effect == "tank_back_pressure")
     free = FreeParameters(load_table("bergamo"), tank.free)
-    fit = Fit(free, free.x_of({tank.strength.name: pressure}), np.zeros(1), np.zeros((1, 1)), 0.0, 1)
-    return Refit(tank, ScoredFit(fit, 1.0, 1.0, np.ones(blocks)), 0.0)
+    fit = Fit(free, free.x_of({tank.strength.name: pressure}), np.zeros(SAMPLES), np.zeros((1, 1)), 0.0, 1)
+    return Refit(tank, ScoredFit(fit, 1.0, 1.0, np.full(BLOCKS, SAMPLES / BLOCKS)), 0.0)
 
 
 @pytest.mark.parametrize(("pressure", "usual"), [(4e5, True), (31e5, False)])
@@ -68,7 +90,7 @@ def test_a_back_pressure_as_of_a_blocked_filter_is_not_usual(pressure: float, us
 
 
 def test_usual_values_are_named_instead_of_the_best() -> None:
-    best, usual = back_pressure(31e5, 40), back_pressure(4e5, 40)
-    step = decide((best, usual), SETTINGS, 1.0)
+    best, usual = back_pressure(31e5), back_pressure(4e5)
+    step = decide(problem(), (best, usual))
     assert step.chosen is usual
     assert step.alternatives == ("tank_back_pressure",)

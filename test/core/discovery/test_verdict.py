@@ -16,7 +16,7 @@ class Unexplained(Hidden):
     """The same with much that neither effect explains."""
 
     def residuals(self, vectors: np.ndarray) -> np.ndarray:
-        return super().residuals(vectors) + np.roll(NOISE, 1)
+        return super().residuals(vectors) + 10.0 * np.roll(NOISE, 1)
 
 
 def found_in(problem: SearchProblem) -> Selection:
