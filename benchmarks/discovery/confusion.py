@@ -106,6 +106,18 @@ def left_open(group: Sequence[str]) -> Sequence[str]:
     return group if len(group) <= LARGEST_GROUP else group[:1]
 
 
+def verdicts_of(closed: LoopClosure, effects: Sequence[str]) -> list[dict[str, Any]]:
+    """The odds of each effect that was named or nearly so, and whether it, or one that it is not told from, is there.
+
+    effects : that are hidden. An effect of none of the listed ones is "unlisted".
+    """
+    there = {effect if hidden.HIDDEN[effect].listed else "unlisted" for effect in effects if effect != NONE}
+    return [
+        {"odds": v.odds, "state": v.state, "right": bool(there & set(left_open([v.effect, *v.alternatives])))}
+        for v in (*closed.verdicts, *closed.candidates)
+    ]
+
+
 def judged(effect: str, report: Mapping[str, Any]) -> dict[str, Any]:
     """Whether the answer is right: None where a question does not arise."""
     steps, rest, kind = report["steps"], report["remaining"], kind_of(effect)
@@ -147,4 +159,5 @@ def told(result: LoopClosure, report: Mapping[str, Any], made: hidden.Truth, eff
         "removed": list(result.search.removed),
         "above_noise": bool(report["remaining"]["above_noise"]),
         "remaining_place": report["remaining"]["place"],
+        "verdicts": verdicts_of(result, [effect]),
     }

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.discovery import foreign_tables as foreign
+from benchmarks.discovery.confusion import verdicts_of
 from shake_ros.api.close_loop import close_loop
 from shake_ros.api.model import model
 from shake_ros.api.read import recording
@@ -45,7 +46,7 @@ def measure(seed: int, seconds: float, minutes: float, most: int = max(foreign.C
         ],
         "named": list(named),
         "alternatives": [list(e.alternatives) for e in found.effects],
-        "worth": [s.worth for s in found.closed.verdicts],
+        "verdicts": verdicts_of(found.closed, case.effects),
         "left_out": [{"effect": c.effect, "worth": c.worth, "reason": c.reason} for c in found.closed.candidates],
         "wrong_names": sum(name not in case.effects for name in named),
         "false_alarm": None if case.effects else bool(named),

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.discovery import hidden_tables as hidden
-from benchmarks.discovery.confusion import left_open
+from benchmarks.discovery.confusion import left_open, verdicts_of
 from shake_ros.api.close_loop import close_loop
 from shake_ros.api.model import model
 from shake_ros.api.read import recording
@@ -74,6 +74,7 @@ def measure(seed: int, length: float, minutes: float) -> dict[str, Any]:
         "hidden": [{"effect": e, "found": e in named, "among": any(e in g for g in groups)} for e in effects],
         "named": list(named),
         "alternatives": [list(e.alternatives) for e in found.effects],
+        "verdicts": verdicts_of(found.closed, effects),
         "left_out": [c.effect for c in found.closed.candidates],
         "wrong_names": sum(not group & set(effects) for group in groups),
         "whole_list": len(groups) == len(effects) and all(any(e in g for g in groups) for e in effects),
