@@ -79,7 +79,7 @@ def action_text(change: Change) -> str:
     """What to do."""
     named = change.named
     if not named.explained:
-        return f"end the test, look at the {named.place}, and close the loop with new recordings"
+        return f"end the test, look at the {named.place}, and repair the model with new recordings"
     return "; ".join(dict.fromkeys(ACTIONS[h.place] for h in (named.best, *named.rivals)))
 
 

@@ -20,7 +20,7 @@ async function refresh() {
     return `<tr>${box('learn')}${box('hold')}<td><b>${text(one.name)}</b>${one.note ? `<br><span class="quiet">${text(one.note)}</span>` : ''}</td><td class="n">${number(s.seconds)}</td><td>${text((one.reference || '–').split('/').pop())}</td><td>${text((one.table || '–').split('/').slice(-2).join('/'))}</td><td class="n">${number(s.peak_position, 1e3)}</td><td class="n">${number(s.peak_velocity)}</td><td class="n">${number(s.peak_acceleration)}</td><td class="n">${number(s.error_rms, 1e3)}</td><td>${findings}</td></tr>`
   })
   element('library').innerHTML = `<h2>Recordings</h2><div class="wide"><table><tr><th>estimation</th><th>validation</th><th>name</th><th class="n">s</th><th>played</th><th>table</th><th class="n">peak mm</th><th class="n">m/s</th><th class="n">m/s²</th><th class="n">error rms, mm</th><th>data checks</th></tr>${rows.join('')}</table></div>` + (rows.length ? '' : '<p class="quiet">none yet: under Run, press Record, then Play; Stop recording when the motion has ended</p>') +
-    `<div class="row"><label>declared table <select id="declared"></select></label><button id="identify" data-operator>Identify</button><button id="close-loop" class="go" data-operator>Close the loop</button><button id="decide" data-operator>Decide</button><span class="quiet">Identify fits the declared model; Close the loop also looks for missing effects; Decide goes on where models stay open: it designs the motion that distinguishes them, asks before the table moves, records, and searches again. Mark one or more recordings for estimation (with much motion, like <i>demo_excitation</i>) and others for validation (like <i>earthquake</i>).</span></div>`
+    `<div class="row"><label>declared table <select id="declared"></select></label><button id="identify" data-operator>Identify</button><button id="close-loop" class="go" data-operator>Repair model</button><button id="decide" data-operator>Decide</button><span class="quiet">Identify fits the declared model; Repair model also looks for missing effects; Decide goes on where models stay open: it designs the motion that distinguishes them, asks before the table moves, records, and searches again. Mark one or more recordings for estimation (with much motion, like <i>demo_excitation</i>) and others for validation (like <i>earthquake</i>).</span></div>`
   declared ||= current.status?.model || 'bergamo'  // as the lab was started, until another is chosen
   const tables = choices.table || [declared]
   element('declared').innerHTML = (tables.includes(declared) ? tables : [declared, ...tables]).map(one => `<option value="${text(one)}"${one === declared ? ' selected' : ''}>${text(one.includes('/') ? one.split('/').slice(-2).join('/') : one)}</option>`).join('')
@@ -41,7 +41,7 @@ async function refresh() {
   }
 }
 
-const KINDS = { identify: 'Identify', close_loop: 'Close the loop', decide: 'Decide' }
+const KINDS = { identify: 'Identify', close_loop: 'Repair model', decide: 'Decide' }
 const WORK = { close_loop: 'search', next_recording: 'next recording', tune: 'gains' }  // beside those that are named well
 const kept = ({ seconds, left, part, doing, ...rest }) => rest  // what changes all the time is written in place: a click is not lost
 const doing = job => job.state === 'running' && job.work ? `${WORK[job.work] || job.work}: ${job.doing}` : job.doing
