@@ -13,7 +13,7 @@ import pytest
 from lab_process import Started, children
 
 from benchmarks.page.browser import CHROMIUM, DRIVER, Operator, chromium
-from benchmarks.page.by_mouse import options, record, twin
+from benchmarks.page.by_mouse import next_recording, options, record, twin
 
 if not (CHROMIUM and DRIVER):
     warnings.warn("the live page is opened in no browser: apt install chromium chromium-driver", stacklevel=1)
@@ -140,5 +140,18 @@ def test_twin_is_watched_released_and_taken_back_by_mouse(ros_domain, tmp_path, 
         assert "→ have the spool and its null checked" in operator.find("#twin-changes").text
         assert next(shown) == "taken back"
         assert list(shown) == []
+        assert operator.errors() == []
+        assert lab.end() == 0, lab.lines
+
+
+@pytest.mark.second_tier
+@pytest.mark.alone  # the search and the graph need the processors
+def test_next_recording_is_designed_released_and_decides_by_mouse(ros_domain, tmp_path, operator) -> None:
+    with Started(*options(tmp_path)) as lab:
+        operator.driver.get(lab.wait_for("open http").partition("open ")[2])
+        shown = next_recording(operator, tmp_path)
+        assert next(shown) == "asks"
+        assert "next/report.html" in operator.find("#report").get_attribute("src")
+        assert list(shown) == ["decided", "cancelled"]
         assert operator.errors() == []
         assert lab.end() == 0, lab.lines
