@@ -4,8 +4,9 @@
 
 `./shake lab --lockstep` runs a table that has more in it than the declared one. Then by clicks in Chromium: enable,
 play and record what the fit learns from, play and record what it is held against, repair the model, read its report,
-use the found table, play the second motion again; the tracking before and after stands in *Runs*. `--clone`: in a clone of
-this repository, set-up and first compilation included; otherwise by this interpreter. `LAB …`: more arguments of `lab`.
+use the found table, play the second motion again; the tracking before and after stands in *Runs*. `--clone`: in a
+clone of this repository, set-up and first compilation included; otherwise by this interpreter. `LAB …`: more
+arguments of `lab`.
 
 `--pictures`: of the page after each step. The last figures are in first_loop.txt.
 """
