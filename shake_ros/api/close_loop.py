@@ -6,14 +6,13 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from shake_ros.api import fitted
-from shake_ros.api.fitted import Effects, FoundEffect, LatentForces, prepared_alike, test_records, with_test
+from shake_ros.api.fitted import Effects, LatentForces, prepared_alike, test_records, with_test
 from shake_ros.api.model import Model
 from shake_ros.api.progress import Ending, Progress, ProgressOption
 from shake_ros.api.tune_table import UNCERTAINTY, TunedTable, tracking, tune_table
@@ -36,10 +35,10 @@ from shake_ros.data.result_folder import new_folder, write_json
 from shake_ros.data.results import (
     accounts_json,
     axis_json,
-    chosen_because,
     close_loop_json,
     diagnosis_json,
     failures_json,
+    found_effects,
     innovations_json,
     tracking_json,
     unknown_json,
@@ -48,9 +47,24 @@ from shake_ros.declared import model_structure, recordings_to_make, search_setti
 from shake_ros.explain.dependence import Remaining
 from shake_ros.explain.diagnosis import Diagnosis, diagnose
 from shake_ros.report.chart import static_figure
-from shake_ros.report.page import write_page
+from shake_ros.report.close_loop_page import (
+    MODELS,
+    force_section,
+    found_section,
+    model_sections,
+    named,
+    parameters_section,
+)
+from shake_ros.report.page import Page, write_page
 from shake_ros.report.result_table import ResultTable
-from shake_ros.report.text import error_table
+from shake_ros.report.sections import (
+    benefit_section,
+    identified_section,
+    known_section,
+    remains_section,
+    sources_of,
+)
+from shake_ros.report.text import error_table, sentence
 from shake_ros.search import close_loop as closing
 from shake_ros.search.close_loop import LoopClosure
 from shake_ros.search.continued import continued
@@ -110,20 +124,8 @@ class Discovery(fitted.FittedResult):
     @property
     def effects(self) -> Effects:
         """What was missing."""
-        found = []
-        for step, model, verdict in zip_longest(self.closed.search.steps, self.closed.models, self.closed.verdicts):
-            effect = step.chosen.candidate
-            own = {f.name for f in effect.free}
-            one = FoundEffect(
-                effect.effect,
-                effect.place,
-                tuple(p for p in model.parameters if p.name in own),
-                chosen_because(step),
-                tuple(verdict.alternatives if verdict else step.alternatives),
-            )
-            found.append(replace(one, state=verdict.state, worth=verdict.worth) if verdict else one)
         above = self.closed.remaining.above_noise
-        return Effects(found, "nothing is established" if above else "nothing is missing")
+        return Effects(found_effects(self.closed), "nothing is established" if above else "nothing is missing")
 
     @property
     def error(self) -> ResultTable:
@@ -215,38 +217,76 @@ class Discovery(fitted.FittedResult):
         tables = self.closed.baseline.table, self.table
         return static_figure(history_chart(record, free_runs(record, *tables, self.model.declared)))
 
+    @cached_property
+    def _identified(self) -> tuple[Estimate, ...]:
+        """What the recordings identify; nothing where that fails."""
+        found = tuple[Estimate, ...]()
+        with self.failures.step("what the recordings identify"):
+            found = self.identified_estimates
+        return found
+
+    def content(self) -> dict[str, Any]:
+        """Content of report.json."""
+        names = [fitted.names_of(records) for records in (self.estimation, self.validation, self.test)]
+        content = close_loop_json(self.closed, names[0], names[1], self.model.kind, names[2]) | {"open": self.open}
+        with self.failures.step("residuals in report.json"):
+            if self.diagnosis:
+                content["remaining"]["predictable"] = accounts_json(self.diagnosis.accounts)
+                content["remaining"]["innovations"] = innovations_json(self.diagnosis.innovations)
+        content |= unknown_json(self._identified, self.data) if self._identified else {}
+        with self.failures.step("positions"):
+            if self.model.kind == "axis":
+                errors = {n: {"before": before, "after": after} for n, (before, after) in self.position_error.items()}
+                content |= {"position_error": errors, **axis_json(self.table, self.records)}
+        return content
+
+    @cached_property
+    def page(self) -> Page:
+        """What is missing, how certain that is, and what remains, in the order of an engineer's questions."""
+        result, sets = self.closed, (self.estimation, self.validation, self.test)
+        estimation, validation, tested = (", ".join(fitted.names_of(records)) for records in sets)
+        lead = f"Missing: {named(result)}. Estimated from {estimation}; validated on {validation}"
+        lead += f"; tested on {tested}." if tested else "."
+        page = Page("What the model is missing", lead, sources_of(*sets), self.failures)
+        for failure in self.failures.all:
+            page.paragraph(sentence(f"{failure}; the report is without it"))
+        with page.part("what was found"):
+            found_section(page, result, self.tracking)
+        with page.part("what the recordings identify"):
+            identified_section(page, self._identified, self.data)
+        with page.part("measured against simulated"):
+            model_sections(page, result, *sets)
+        with page.part("what remains"):
+            if self.diagnosis:
+                remains_section(page, self.diagnosis, result.remaining.text)
+        with page.part("the force that the model lacks"):
+            force_section(page, result.forces, result.model)
+        with page.part("tracking"):
+            if self.tracking:
+                benefit_section(page, self.tracking)
+        with page.part("parameters"):
+            parameters_section(page, dict(zip(MODELS, (result.baseline, result.final), strict=True)))
+        with page.part("what the recordings identify"):
+            if self.diagnosis:
+                known_section(page, self.diagnosis)
+        with page.part("gains"):
+            if self.tuned:
+                page.heading("Observer and controller for the table")
+                self.tuned.describe(page)
+        return page
+
     def report(self, folder: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> Path:
         """Write report.json, diagnosis.json, report.html, and table.yaml with uncertainty.json beside it.
 
         Also tracking.json where there is a tracking; and controller.yaml, observer.yaml and tune.json where gains were
         made for the table, unless they oscillate somewhere and `force` is not given. Where a part fails, the folder is
-        without it, and report.json names it under `failed`.
-
-        `force` also replaces an existing folder; `figures` adds static copies of the charts, as "pdf", "svg" or "png";
-        `command` is the line that the page names as its origin.
-
+        without it, and report.json names it under `failed`. Options as of every result.
         """
-        from shake_ros.report.close_loop_page import close_loop_page
-
-        sets = self.estimation, self.validation, self.test
-        names = [fitted.names_of(records) for records in sets]
-        content = close_loop_json(self.closed, names[0], names[1], self.model.kind, names[2]) | {"open": self.open}
-        step, identified = self.failures.step, tuple[Estimate, ...]()
-        with step("residuals in report.json"):
-            if self.diagnosis:
-                content["remaining"]["predictable"] = accounts_json(self.diagnosis.accounts)
-                content["remaining"]["innovations"] = innovations_json(self.diagnosis.innovations)
-        with step("what the recordings identify"):
-            identified = self.identified_estimates
-            content |= unknown_json(identified, self.data) if identified else {}
-        with step("positions"):
-            if self.model.kind == "axis":
-                errors = {n: {"before": before, "after": after} for n, (before, after) in self.position_error.items()}
-                content |= {"position_error": errors, **axis_json(self.table, self.records)}
+        step, content = self.failures.step, self.content()
         added = ", ".join(self.effects.names) or "nothing to add"
-
         with new_folder(Path(folder), force=force) as out:
-            comment = f"Fitted to {', '.join(names[0])} by close_loop: {added}.{fitted.command_comment(self.data)}"
+            names = fitted.names_of(self.estimation)
+            comment = f"Fitted to {', '.join(names)} by close_loop: {added}.{fitted.command_comment(self.data)}"
             save_table(out / "table.yaml", self.table, comment)
             with step("diagnosis.json"):
                 if self.diagnosis:
@@ -262,21 +302,11 @@ class Discovery(fitted.FittedResult):
                 if self.tuned and (self.tuned.sound or force):
                     self.tuned.write(out, force)
             with step("page"):
-                page = close_loop_page(
-                    self.closed, *sets, self.diagnosis, self.tracking, command, identified, self.data, self.failures
-                )
-                write_page(page, out, figures)
+                write_page(self.page, out, figures, command=command)
             with step("numbers of report.json"):
                 json.dumps(content, allow_nan=False)
             write_json(out / "report.json", {**content, "failed": failures_json(self.failures)})
         return Path(folder)
-
-    def _parts(self) -> list[tuple[str, Any]]:
-        effects = self.effects.frame if self.effects else "nothing"
-        identified = [("Identified", self.identified)] if self.model.declared.nuisances else []
-        failed = [("Failed", "\n".join(map(str, self.failures)))] if len(self.failures) else []
-        remaining = ("Remaining", self.remaining.text)
-        return [("Missing", effects), ("Error of the free run", self.error), *identified, remaining, *failed]
 
 
 def close_loop(

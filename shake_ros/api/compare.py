@@ -17,10 +17,10 @@ from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.loop.compiled import Loop, run_batch
 from shake_ros.core.loop.metrics import MEANINGS, UNITS, Outcome, Summary, by_load, judge, summarise
 from shake_ros.core.quantities import unknown_name
-from shake_ros.data.result_folder import new_folder, write_json
 from shake_ros.report.chart import COLOURS, Array, Chart, ChartSeries, Panel, static_figure
-from shake_ros.report.page import Bar, Made, Page, write_page
-from shake_ros.report.result_table import aligned, percent
+from shake_ros.report.page import Bar, Page
+from shake_ros.report.result import Result
+from shake_ros.report.result_table import fixed, percent
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -45,7 +45,7 @@ class Case:
 
 
 @dataclass(frozen=True, repr=False)
-class Comparison:
+class Comparison(Result):
     """Controllers on the same references, loads and perturbed tables.
 
     Attributes
@@ -58,6 +58,7 @@ class Comparison:
     drawn : that case in words.
     """
 
+    numbers = "compare.json"
     settings: Mapping[str, Any]
     plant: str
     outcomes: Sequence[Outcome]
@@ -96,18 +97,46 @@ class Comparison:
             "perturbed_runs": [run for run in runs if "perturbed_table" in run],
         }
 
-    def report(self, out: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> None:
-        """Write compare.json and report.html into a new folder; options as of `Discovery.report`."""
-        with new_folder(Path(out), force=force) as folder:
-            write_json(folder / "compare.json", self.content())
-            write_page(comparison_page(self, command), folder, figures)
-
-    def __repr__(self) -> str:
-        bad = trouble(self.outcomes) or ["no run was unstable or touched an end stop"]
-        lines = [self.plant]
-        for head, rows in ((HEAD, summary_rows(self.summaries)), load_rows(self.outcomes)):
-            lines += ["", aligned([head, *rows], [False, *[True] * (len(head) - 1)])]
-        return "\n".join([*lines, "", *bad])
+    @property
+    def page(self) -> Page:
+        """What was found, all controllers side by side, each run."""
+        outcomes, summaries = self.outcomes, self.summaries
+        best = best_of(summaries)
+        lead = f"One set of gains for every reference and load. {self.plant}"
+        page = Page("Controllers side by side", lead)
+        page.heading("What was found")
+        bad = trouble(outcomes)
+        cards = [(str(len(outcomes)), "closed loops"), (str(len(bad)), "of them unstable or at an end stop")]
+        if best is not None:
+            least = percent(summaries[best].worst.position_error)
+            cards.insert(0, (least, f"worst position error: {summaries[best].entry}"))
+        page.cards(cards)
+        page.heading("All controllers")
+        page.paragraph(ERRORS)
+        page.table(HEAD, summary_rows(summaries), best=best)
+        page.subheading("Worst errors over references and loads", detail=True)
+        page.paragraph(
+            f"Bars start at zero; ▸ marks one that is longer than {LONGEST:g} times the shortest.", note=True
+        )
+        page.table(("controller", "position", "velocity", "acceleration"), worst_rows(summaries), best=best)
+        page.heading("By load")
+        head, rows = load_rows(outcomes)
+        page.table(head, rows)
+        page.heading("Errors and spectra")
+        groups = list(self.runs.items())
+        for start in range(0, len(groups), TOGETHER):
+            part = dict(groups[start : start + TOGETHER])
+            page.chart(error_chart(part, self.drawn, start // TOGETHER + 1))
+            page.chart(spectrum_chart(part, self.drawn, start // TOGETHER + 1))
+        page.heading("Unstable runs and end stops")
+        page.paragraph("None." if not bad else f"{len(bad)} runs:")
+        if bad:
+            page.table(["run"], [[line] for line in bad])
+        declared = [o for o in outcomes if o.table < 0]
+        for reference in dict.fromkeys(o.reference for o in declared):
+            page.heading(f"Reference {reference}", detail=True)
+            page.table(CASE_HEAD, case_rows([o for o in declared if o.reference == reference]))
+        return page
 
 
 def compare(
@@ -275,15 +304,19 @@ def spectrum_chart(runs: Mapping[str, ClosedLoop], case: str = "", part: int = 1
     return Chart(f"spectra_{part}", "frequency [Hz]", tuple(panels), caption)
 
 
+ERRORS = (
+    "Errors are the normalised root mean square of the true motion against the reference (J2), mean and worst over "
+    "references and loads; J1 is the delay; spectrum is the error of the response spectrum at 5 % damping from 0.5 "
+    "to 15 Hz; THD is of the acceleration under sines; travel is of the valve command; perturbed is the worst "
+    "position error on the perturbed tables."
+)
 HEAD = (
     "controller", "J1 [ms]", "position", "worst", "velocity", "worst", "acceleration", "worst", "spectrum", "THD",
     "travel [1/s]", "at limit", "perturbed", "unstable", "end stop",
 )  # fmt: skip
 
 
-def number(value: float, digits: int = 2) -> str:
-    """A number, a dash where there is none."""
-    return f"{value:.{digits}f}" if math.isfinite(value) else "–"
+number = fixed(2)
 
 
 def summary_rows(summaries: Sequence[Summary]) -> list[list[str]]:
@@ -373,48 +406,3 @@ def worst_rows(summaries: Sequence[Summary]) -> list[list[str | Bar]]:
             beyond = " ▸" * (value > widest)
             row.append(Bar(value / widest if math.isfinite(value) else 0.0, f"{percent(value)}{beyond}"))
     return rows
-
-
-def comparison_page(found: Comparison, command: str = "") -> Page:
-    """The whole page."""
-    outcomes, summaries = found.outcomes, found.summaries
-    best = best_of(summaries)
-    lead = f"One set of gains for every reference and load. {found.plant}"
-    page = Page("Controllers side by side", lead, Made(command))
-    page.heading("What was found")
-    cards = [(str(len(outcomes)), "closed loops"), (str(len(trouble(outcomes))), "of them unstable or at an end stop")]
-    if best is not None:
-        cards.insert(
-            0, (percent(summaries[best].worst.position_error), f"worst position error: {summaries[best].entry}")
-        )
-    page.cards(cards)
-    page.heading("All controllers")
-    page.paragraph(
-        "Errors are the normalised root mean square of the true motion against the reference (J2), mean and worst over "
-        "references and loads; J1 is the delay; spectrum is the error of the response spectrum at 5 % damping from 0.5 "
-        "to 15 Hz; THD is of the acceleration under sines; travel is of the valve command; perturbed is the worst "
-        "position error on the perturbed tables."
-    )
-    page.table(HEAD, summary_rows(summaries), best=best)
-    page.subheading("Worst errors over references and loads")
-    page.paragraph(f"Bars start at zero; ▸ marks one that is longer than {LONGEST:g} times the shortest.", note=True)
-    page.table(("controller", "position", "velocity", "acceleration"), worst_rows(summaries), best=best)
-    page.heading("By load")
-    head, rows = load_rows(outcomes)
-    page.table(head, rows)
-    page.heading("Errors and spectra")
-    groups = list(found.runs.items())
-    for start in range(0, len(groups), TOGETHER):
-        part = dict(groups[start : start + TOGETHER])
-        page.chart(error_chart(part, found.drawn, start // TOGETHER + 1))
-        page.chart(spectrum_chart(part, found.drawn, start // TOGETHER + 1))
-    page.heading("Unstable runs and end stops")
-    lines = trouble(outcomes)
-    page.paragraph("None." if not lines else f"{len(lines)} runs:")
-    if lines:
-        page.table(["run"], [[line] for line in lines])
-    declared = [o for o in outcomes if o.table < 0]
-    for reference in dict.fromkeys(o.reference for o in declared):
-        page.heading(f"Reference {reference}")
-        page.table(CASE_HEAD, case_rows([o for o in declared if o.reference == reference]))
-    return page

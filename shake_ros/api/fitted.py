@@ -9,10 +9,9 @@ recording itself, as for validation data. They do not influence the answer.
 
 from __future__ import annotations
 
-import math
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -33,33 +32,12 @@ from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.recordings import TableRecording
+from shake_ros.data.results import FoundEffect
 from shake_ros.explain.latent_force import LatentForce
+from shake_ros.report.result import Result
 from shake_ros.report.result_table import ResultTable
 from shake_ros.report.text import force_table, nuisance_table, parameter_table, slow_change_table
 from shake_ros.search.close_loop import LoopClosure
-
-
-@dataclass(frozen=True)
-class FoundEffect:
-    """An effect that the declared model was missing.
-
-    Attributes
-    ----------
-    name, place : of the effect.
-    parameters : its own, with standard errors.
-    evidence : why this one.
-    alternatives : effects that these recordings cannot distinguish from it.
-    state : its verdict.
-    worth : error of the final model without it, over that with it [-].
-    """
-
-    name: str
-    place: str
-    parameters: tuple[Estimate, ...]
-    evidence: str
-    alternatives: tuple[str, ...]
-    state: str = ""
-    worth: float = math.nan
 
 
 class Effects(Sequence[FoundEffect]):
@@ -142,7 +120,7 @@ Data = TableRecording | Sequence[TableRecording]
 UNUSED = "pressure_a", "pressure_b", "pressure_supply"
 
 
-class FittedResult(ABC):
+class FittedResult(Result):
     """What both results share about the fitted model.
 
     Attributes
@@ -213,17 +191,6 @@ class FittedResult(ABC):
         """Nuisance parameters of each recording of a force-driven axis; empty for other models."""
         return slow_change_table(self.compared, self.records if self.model.kind == "axis" else ())
 
-    @abstractmethod
-    def _parts(self) -> list[tuple[str, Any]]:
-        """What is shown, with its titles: tables and texts."""
-
-    def __repr__(self) -> str:
-        return text_of(self._parts())
-
-    def _repr_html_(self) -> str:
-        shown = [(title, f"<p>{p}</p>" if isinstance(p, str) else p._repr_html_()) for title, p in self._parts()]
-        return "".join(f"<p><b>{title}</b></p>{html}" for title, html in shown)
-
 
 def recordings(data: Data | None) -> Recordings:
     """One or several recordings, or none, as Recordings."""
@@ -271,11 +238,6 @@ def chosen_record(records: Sequence[Record], name: str | None) -> Record:
 def command_comment(data: Prepared) -> str:
     """What a valve command of 1 is in the recordings; empty where it is per unit there."""
     return "" if data.full_scale == 1.0 else f" A valve command of 1 is {data.full_scale:g} of the recorded unit."
-
-
-def text_of(parts: Sequence[tuple[str, Any]]) -> str:
-    """Titled frames or texts for a terminal."""
-    return "\n\n".join(f"{title}\n{part}" for title, part in parts)
 
 
 def test_records(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +23,7 @@ from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
-from shake_ros.data.result_folder import new_folder, write_json
+from shake_ros.data.result_folder import write_json
 from shake_ros.data.results import (
     IDENTIFY_SCHEMA,
     axis_json,
@@ -34,8 +35,18 @@ from shake_ros.data.results import (
 from shake_ros.declared import model_structure, recordings_to_make, search_settings
 from shake_ros.explain.diagnosis import Diagnosis, diagnose
 from shake_ros.report.chart import static_figure
-from shake_ros.report.page import write_page
-from shake_ros.report.result_table import ResultTable
+from shake_ros.report.close_loop_page import error_meaning, mean_error, parameters_section
+from shake_ros.report.page import Page
+from shake_ros.report.result_table import ResultTable, percent
+from shake_ros.report.sections import (
+    errors_section,
+    histories_section,
+    identified_section,
+    known_section,
+    remains_section,
+    slow_changes_section,
+    sources_of,
+)
 from shake_ros.report.text import error_table
 from shake_ros.settings import save_table
 
@@ -90,14 +101,8 @@ class Identification(fitted.FittedResult):
         runs = free_runs(record, self.start, self.table, self.model.declared)
         return static_figure(history_chart(record, runs, ("as declared", "fitted")))
 
-    def report(self, folder: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> Path:
-        """Write report.json, diagnosis.json, report.html and table.yaml.
-
-        `force` replaces an existing folder; `figures` adds static copies of the charts, as "pdf", "svg" or "png";
-        `command` is the line that the page names as its origin.
-        """
-        from shake_ros.report.close_loop_page import identify_page
-
+    def content(self) -> dict[str, Any]:
+        """Content of report.json."""
         names = fitted.names_of(self.estimation), fitted.names_of(self.validation)
         content = {
             "schema": IDENTIFY_SCHEMA,
@@ -110,19 +115,44 @@ class Identification(fitted.FittedResult):
         content |= unknown_json(identified, self.data) if identified else {}
         if self.model.kind == "axis":
             content |= {"position_error": self.position_error, **axis_json(self.table, self.records)}
+        return content
 
-        with new_folder(Path(folder), force=force) as out:
-            write_json(out / "report.json", content)
-            write_json(out / "diagnosis.json", diagnosis_json(self.diagnosis))
-            data, unknown = (self.estimation, self.validation), (identified, self.data)
-            page = identify_page(self.fit, self.start, self.model.declared, self.diagnosis, *data, command, *unknown)
-            write_page(page, out, figures)
-            comment = f"Fitted to {', '.join(names[0])} by identify.{fitted.command_comment(self.data)}"
-            save_table(out / "table.yaml", self.table, comment)
-        return Path(folder)
+    @cached_property
+    def page(self) -> Page:
+        """What was found, and how certain it is."""
+        model, sets = self.fit, (self.estimation, self.validation)
+        learn, hold = (", ".join(fitted.names_of(records)) for records in sets)
+        checked = f"; validated on {hold}" if hold else "; there was no validation data"
+        page = Page("The fitted model", f"Estimated from {learn}{checked}.", sources_of(*sets))
+        page.heading("What was found, and how certain it is")
+        resting = [p.name for p in model.parameters if p.std_error is None]
+        unknown = [p.name for p in model.parameters if p.std_error is not None and p.std_error > abs(p.value)]
+        count = len(model.parameters)
+        page.cards(
+            [
+                (percent(mean_error(model.validation or model.estimation)), error_meaning(model)),
+                (f"{count - len(resting) - len(unknown)} of {count}", "parameters known to better than their own size"),
+                (str(len(resting)), f"at a bound or without effect{': ' * bool(resting)}{', '.join(resting)}"),
+            ]
+        )
+        if unknown:
+            page.paragraph(f"Not known from these recordings: {', '.join(unknown)}.")
+        identified_section(page, self.identified_estimates, self.data)
+        labels = ("as declared", "fitted")
+        bands = histories_section(page, *sets, (self.start, model.table), self.model.declared, labels)
+        errors_section(page, {"fitted": model}, bands, labels)
+        slow_changes_section(page, self.compared, self.records)
+        remains_section(page, self.diagnosis)
+        parameters_section(page, {"value": model})
+        known_section(page, self.diagnosis)
+        return page
 
-    def _parts(self) -> list[tuple[str, Any]]:
-        return [("Parameters", self.parameters), ("Error of the free run", self.error)]
+    def files(self, work: Path, _: Path, /) -> None:
+        """Write diagnosis.json and table.yaml."""
+        write_json(work / "diagnosis.json", diagnosis_json(self.diagnosis))
+        names = ", ".join(fitted.names_of(self.estimation))
+        comment = f"Fitted to {names} by identify.{fitted.command_comment(self.data)}"
+        save_table(work / "table.yaml", self.table, comment)
 
 
 def identify(

@@ -24,7 +24,7 @@ from shake_ros.data.accelerograms.accelerogram import Accelerogram
 from shake_ros.data.reference_file import load_reference
 from shake_ros.data.result_folder import writing
 from shake_ros.report.chart import CURVES, Chart, ChartSeries, Panel, static_figure
-from shake_ros.report.page import Made, Page
+from shake_ros.report.page import Page
 from shake_ros.report.result_table import ResultTable
 from shake_ros.settings import find, load_table, read_yaml
 
@@ -126,9 +126,16 @@ class ScaledRecord:
     def _label(self) -> str:
         return f"for the table, factor {self.fitted.factor:.3g}"
 
-    def page(self, command: str = "") -> Page:
-        """What was changed, histories and response spectra; `command` is the line that the page names as its origin."""
-        page = Page("An accelerogram for the table", f"{self.path.name}: {self.read.name}", Made(command))
+    def page(self) -> Page:
+        """What was changed, histories and response spectra."""
+        read = self.read
+        page = Page("An accelerogram for the table", f"{self.path.name}: {read.name}")
+        channel = f", channel {self.parameters.channel}" if self.parameters.channel > 1 else ""
+        page.paragraph(
+            f"{read.format}, {read.acceleration.size} samples of {read.time_step:g} s in {read.unit}{channel}."
+        )
+        for warning in read.warnings:
+            page.paragraph(f"Warning: {warning}.")
         page.heading("What was changed")
         for change in self.changes:
             page.paragraph(change)
@@ -136,7 +143,7 @@ class ScaledRecord:
         page.heading("The motion")
         page.chart(self._history())
         page.heading("Response spectrum")
-        recorded = self._spectrum(self.read.acceleration, self.read.time_step)
+        recorded = self._spectrum(read.acceleration, read.time_step)
         page.chart(spectrum_chart({"as recorded": recorded, self._label: self.spectrum()}))
         return page
 
@@ -215,18 +222,7 @@ class ScaledRecord:
         return f"# {self.read.name}, fitted by record_scale. SI units.\n{body}"
 
     def __repr__(self) -> str:
-        read, fitted, p = self.read, self.fitted, self.parameters
-        lines = [
-            f"{self.path}: {read.name}",
-            *(f"  changed: {change}" for change in self.changes),
-            f"  {read.format}, {read.acceleration.size} samples of {read.time_step:g} s in {read.unit}"
-            f"{f', channel {p.channel}' if p.channel > 1 else ''}",
-            *(f"  warning: {warning}" for warning in read.warnings),
-            *(f"  {line}" for line in str(self.table).splitlines()),
-        ]
-        because = f" (limited by {fitted.limited_by.split('_')[0]})" if fitted.limited_by else ""
-        lines.append(f"  factor {fitted.factor:.5g}{because}, time scale {p.time_scale:g}, band {self.band}")
-        return "\n".join(lines)
+        return self.page().text()
 
 
 def band_of(parameters: EarthquakeParameters) -> str:

@@ -6,8 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,9 +21,9 @@ from shake_ros.core.analysis.thd import Harmonics, fundamental_frequency, nearby
 from shake_ros.core.analysis.thd import harmonics as harmonics_of
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.recordings import TableRecording
-from shake_ros.data.result_folder import new_folder, write_json
 from shake_ros.report.chart import COLOURS, GREY, Chart, ChartSeries, Panel, new_figure, static_figure, tidy
-from shake_ros.report.page import Made, Page, write_page
+from shake_ros.report.page import Page
+from shake_ros.report.result import Result
 from shake_ros.report.result_table import ResultTable
 
 if TYPE_CHECKING:
@@ -182,7 +181,7 @@ AT = (0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 20.0)  # [Hz]
 
 
 @dataclass(frozen=True, repr=False)
-class RecordedResponse:
+class RecordedResponse(Result):
     """The frequency response between two signals of one recording.
 
     Attributes
@@ -232,13 +231,18 @@ class RecordedResponse:
         caption = "Gain with two standard deviations and delay on coherent lines, coherence on all"
         return Chart("response", "frequency [Hz]", panels, caption, log_x=True)
 
-    def report(self, out: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> None:
-        """Write report.json and report.html into a new folder; options as of `Discovery.report`."""
-        page = Page("Frequency response", f"{self.title}.", Made(command))
+    @property
+    def page(self) -> Page:
+        """The response at the frequencies asked for, and over all."""
+        page = Page("Frequency response", f"{self.title}.")
         page.heading("What was found")
         page.result(self.table)
         page.heading("Over frequency")
         page.chart(self._chart())
+        return page
+
+    def content(self) -> dict[str, Any]:
+        """Content of report.json."""
         lines = {
             "frequency_hz": self.found.frequency.tolist(),
             "gain": self.found.gain.tolist(),
@@ -247,13 +251,7 @@ class RecordedResponse:
             "gain_deviation": self.found.deviation.tolist(),
         }
         at = [dict(zip(("frequency_hz", "gain", "delay_s", "coherence"), row, strict=True)) for row in self.rows]
-        content = {"schema": SCHEMA, "recording": self.name, "gain_unit": self.unit, "at": at, "lines": lines}
-        with new_folder(Path(out), force=force) as folder:
-            write_json(folder / "report.json", content)
-            write_page(page, folder, figures)
-
-    def __repr__(self) -> str:
-        return f"{self.title}\n{self.table}"
+        return {"schema": SCHEMA, "recording": self.name, "gain_unit": self.unit, "at": at, "lines": lines}
 
 
 def frequency_response(
@@ -284,9 +282,12 @@ def frequency_response(
     >>> u = 0.1 * np.random.default_rng(1).standard_normal(20000)
     >>> runs = sr.recording("late", np.arange(20000) / 1000, command=u, position=0.02 * np.roll(u, 5))
     >>> sr.frequency_response(runs, window=1.0, at=[10.0])
-    late: valve_command → position, 39 windows of 1 s
+    Frequency response
+    late: valve_command → position, 39 windows of 1 s.
+    <BLANKLINE>
+    What was found
     frequency [Hz]  gain [m per -]  delay [ms]  coherence
-                10         0.01996        4.97     0.9996
+    10                     0.01996        4.97     0.9996
     """
     for kind, name, known in (("input", input, INPUTS), ("output", output, OUTPUTS)):
         if name not in known:

@@ -29,7 +29,9 @@ from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, strict_keys, unknown_name
 from shake_ros.data.reference_file import build_program
 from shake_ros.data.result_folder import refuse_existing, write_json, writing
+from shake_ros.report.page import Page
 from shake_ros.report.result_table import ResultTable, percent
+from shake_ros.report.text import sentence
 from shake_ros.search.close_loop import LoopClosure
 from shake_ros.settings import find, load_table, load_variant, read_yaml, save_table
 
@@ -133,7 +135,7 @@ class TunedTable:
             out.mkdir(parents=True, exist_ok=True)
             if not (out / "table.yaml").exists():
                 save_table(out / "table.yaml", self.table, "The table of controller.yaml and observer.yaml.")
-            notes = ["For table.yaml in this folder, by tune --table.", *self._margin_lines(), *self.findings]
+            notes = ["For table.yaml in this folder, by tune --table.", *self.lines[1:]]
             law = self.best
             (out / "controller.yaml").write_text(text_of(law.kind, law.parameters, notes), encoding="utf-8")
             (out / "observer.yaml").write_text(text_of("model", self.observer, notes), encoding="utf-8")
@@ -174,11 +176,23 @@ class TunedTable:
             "laws": laws,
         }
 
-    def _margin_lines(self) -> list[str]:
-        return [f"margins where least robust: {self.margins.text}"]
+    @property
+    def lines(self) -> list[str]:
+        """What is recommended, how robust it is, and what was found."""
+        return [
+            f"recommended: {self.best.kind}",
+            f"margins where least robust: {self.margins.text}",
+            *self.findings,
+        ]
+
+    def describe(self, page: Page) -> None:
+        """The laws side by side, and what is recommended."""
+        page.result(self.frame, best=0)
+        for line in self.lines:
+            page.paragraph(sentence(line))
 
     def __repr__(self) -> str:
-        return "\n".join([f"{self.frame!r}", f"recommended: {self.best.kind}", *self._margin_lines(), *self.findings])
+        return "\n".join([f"{self.frame!r}", *self.lines])
 
 
 def tune_table(

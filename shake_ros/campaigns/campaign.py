@@ -243,11 +243,7 @@ class Campaign:
     @property
     def tables(self) -> dict[str, ResultTable]:
         """The tables of the report by title."""
-        found = {}
-        for section in self.study.sections:
-            head, cells = section_table(section, self.rows)
-            found[section.title] = ResultTable(head, cells)
-        return found
+        return {section.title: section_table(section, self.rows) for section in self.study.sections}
 
     def report(self, compare: str | Path | None = None, *, figures: str | None = None, command: str = "") -> Path:
         """Write report.html into the folder; `compare` with the folder of an older campaign of the same study.
@@ -255,25 +251,13 @@ class Campaign:
         `figures` adds static copies of the charts, as "pdf", "svg" or "png"; `command` is the line that the page names.
         """
         other = None if compare is None else rows_of(compare, self.study)
-        page = campaign_page(self, other, command)
+        page = campaign_page(self, other)
         with writing():
-            write_page(page, self.folder, figures)
+            write_page(page, self.folder, figures, command=command)
         return self.folder / "report.html"
 
     def __repr__(self) -> str:
-        seconds = math.fsum(row.processor for row in self.rows)
-        counts = [f"{len(self.rows)} of {len(self.rows) + self.missing} rows, {seconds / 3600.0:.3g} core-hours"]
-        counts += [f"{len(self.failed)} failed: {_reasons(self.failed)}"] if self.failed else []
-        counts += [f"{self.older} more in the file, of another version of the code or of the study"] * (self.older > 0)
-        tables = [f"\n{title}\n{table}" for title, table in self.tables.items()]
-        return "\n".join([self.study.title, *counts, *tables])
-
-
-def _reasons(failed: Sequence[FinishedRow]) -> str:
-    reasons = [str(row.failed) for row in failed]
-    most = sorted(set(reasons), key=lambda text: (-reasons.count(text), text))
-    more = f", and {len(most) - 3} more" if len(most) > 3 else ""
-    return "; ".join(f"{text} ({reasons.count(text)})" for text in most[:3]) + more
+        return campaign_page(self).text()
 
 
 def campaign(

@@ -14,7 +14,8 @@ from scipy.stats import binomtest, chi2
 
 from shake_ros.campaigns.study import Study, StudySection, canonical
 from shake_ros.report.chart import Chart, ChartSeries, Panel
-from shake_ros.report.page import Made, Page
+from shake_ros.report.page import Page
+from shake_ros.report.result_table import ResultTable, plain
 
 if TYPE_CHECKING:
     from shake_ros.campaigns.campaign import Campaign, FinishedRow
@@ -58,11 +59,6 @@ class Share(NamedTuple):
         return f"{100 * self.value:.1f} % of {self.of} ({100 * low:.1f} … {100 * high:.1f} %)"
 
 
-Cells = list[list[str]]
-Table = tuple[list[str], Cells]
-NOTHING = "–"
-
-
 def looked_at(section: StudySection, rows: Sequence[FinishedRow]) -> list[FinishedRow]:
     """The rows of a section that did not fail, or the entries of their lists."""
     good = [row for row in rows if row.figures is not None]
@@ -95,24 +91,7 @@ def groups(section: StudySection, rows: Sequence[FinishedRow]) -> Iterator[tuple
 
 
 def _plain(value: Any) -> Any:
-    return value if value is None or isinstance(value, str | int | float | bool) else shown(value)
-
-
-def shown(value: Any) -> str:
-    """A value as a cell.
-
-    >>> shown(0.1), shown(None), shown(["soft_zone", "dead_volume"]), shown([])
-    ('0.1', '–', 'soft_zone, dead_volume', 'nothing')
-    """
-    if value is None:
-        return NOTHING
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, float):
-        return f"{value:.4g}"
-    if isinstance(value, list):
-        return ", ".join(map(shown, value)) or "nothing"
-    return str(value)
+    return value if value is None or isinstance(value, str | int | float | bool) else plain(value)
 
 
 def share(rows: Sequence[FinishedRow], column: str) -> Share:
@@ -127,41 +106,41 @@ def numbers(rows: Sequence[FinishedRow], column: str) -> np.ndarray:
     return np.sort([float(v) for v in values if isinstance(v, int | float) and math.isfinite(v)])
 
 
-def section_table(section: StudySection, rows: Sequence[FinishedRow]) -> Table:
-    """Head and cells of a section."""
+def section_table(section: StudySection, rows: Sequence[FinishedRow]) -> ResultTable:
+    """The table of a section."""
     return _TABLES[section.kind](section, rows)
 
 
-def _shares(section: StudySection, rows: Sequence[FinishedRow]) -> Table:
+def _shares(section: StudySection, rows: Sequence[FinishedRow]) -> ResultTable:
     cells = [
-        [*map(shown, values), *(str(share(some, column)) for column in section.columns.values())]
+        [*values, *(str(share(some, column)) for column in section.columns.values())]
         for values, some in groups(section, rows)
     ]
-    return [*section.by, *section.columns], cells
+    return ResultTable([*section.by, *section.columns], cells)
 
 
-def _matrix(section: StudySection, rows: Sequence[FinishedRow]) -> Table:
+def _matrix(section: StudySection, rows: Sequence[FinishedRow]) -> ResultTable:
     truth, named = section.columns["truth"], section.columns["named"]
     counts: dict[tuple[str, ...], Counter[str]] = {}
     for values, some in groups(replace(section, by=(truth, *section.by)), rows):
-        counts[tuple(map(shown, values))] = Counter(shown(row.value(named)) for row in some)
+        counts[tuple(map(plain, values))] = Counter(plain(row.value(named)) for row in some)
     names = sorted({name for counter in counts.values() for name in counter})
     order = [n for n in dict.fromkeys(v[0] for v in counts) if n in names]
     order += [n for n in names if n not in order]
-    cells = [[*values, *(str(counter[n] or "") for n in order)] for values, counter in counts.items()]
-    return [truth, *section.by, *order], cells
+    cells = [[*values, *(counter[n] or "" for n in order)] for values, counter in counts.items()]
+    return ResultTable([truth, *section.by, *order], cells)
 
 
-def _spread(section: StudySection, rows: Sequence[FinishedRow]) -> Table:
+def _spread(section: StudySection, rows: Sequence[FinishedRow]) -> ResultTable:
     cells = []
     for values, some in groups(section, rows):
         for title, column in section.columns.items():
             found = numbers(some, column)
             low, middle, high = np.quantile(found, [0.25, 0.5, 0.75]) if len(found) else [math.nan] * 3
             largest = found[-1] if len(found) else math.nan
-            numbers_shown = [f"{v:.4g}" if math.isfinite(v) else NOTHING for v in (middle, low, high, largest)]
-            cells.append([*map(shown, values), title, str(len(found)), *numbers_shown])
-    return [*section.by, "figure", "rows", "median", "lower quartile", "upper quartile", "largest"], cells
+            cells.append([*values, title, len(found), middle, low, high, largest])
+    head = (*section.by, "figure", "rows", "median", "lower quartile", "upper quartile", "largest")
+    return ResultTable(head, cells)
 
 
 class Rate(NamedTuple):
@@ -183,17 +162,17 @@ class Rate(NamedTuple):
         return low / self.over, 0.5 * float(chi2.ppf(0.975, 2 * self.events + 2)) / self.over
 
 
-def _rate(section: StudySection, rows: Sequence[FinishedRow]) -> Table:
+def _rate(section: StudySection, rows: Sequence[FinishedRow]) -> ResultTable:
     events, over = section.columns["events"], section.columns["over"]
     cells = []
     for values, some in groups(section, rows):
         rate = Rate(round(float(np.sum(numbers(some, events)))), float(np.sum(numbers(some, over))))
-        known = [f"{100.0 * r:.3g}" for r in (rate.events / rate.over, *rate.interval)] if rate.over else [NOTHING] * 3
-        cells.append([*map(shown, values), str(rate.events), f"{rate.over:.4g}", *known])
-    return [*section.by, events, over, "in 100", "at least", "at most"], cells
+        known = [f"{100.0 * r:.3g}" for r in (rate.events / rate.over, *rate.interval)] if rate.over else [None] * 3
+        cells.append([*values, rate.events, rate.over, *known])
+    return ResultTable([*section.by, events, over, "in 100", "at least", "at most"], cells)
 
 
-_TABLES: dict[str, Callable[[StudySection, Sequence[FinishedRow]], Table]] = {
+_TABLES: dict[str, Callable[[StudySection, Sequence[FinishedRow]], ResultTable]] = {
     "shares": _shares,
     "matrix": _matrix,
     "spread": _spread,
@@ -201,7 +180,7 @@ _TABLES: dict[str, Callable[[StudySection, Sequence[FinishedRow]], Table]] = {
 }
 
 
-def against(rows: Sequence[FinishedRow], other: Sequence[FinishedRow], sections: Sequence[StudySection]) -> Table:
+def against(rows: Sequence[FinishedRow], other: Sequence[FinishedRow], sections: Sequence[StudySection]) -> ResultTable:
     """Shares and medians here and in an older campaign, over the rows that both have."""
     here, there = in_both(rows, other)
     cells = []
@@ -212,13 +191,13 @@ def against(rows: Sequence[FinishedRow], other: Sequence[FinishedRow], sections:
         for values, (title, column) in itertools.product(first, section.columns.items()):
             pair = first[values], second.get(values, [])
             if section.kind == "shares":
-                texts = [str(share(some, column)) for some in pair]
+                texts: list[str | None] = [str(share(some, column)) for some in pair]
             else:
                 texts = [
-                    f"median {np.median(n):.4g} of {len(n)}" if len(n := numbers(s, column)) else NOTHING for s in pair
+                    f"median {np.median(n):.4g} of {len(n)}" if len(n := numbers(s, column)) else None for s in pair
                 ]
-            cells.append([section.title, ", ".join(map(shown, values)), title, *texts])
-    return ["section", "group", "figure", "here", "older"], cells
+            cells.append([section.title, ", ".join(map(plain, values)), title, *texts])
+    return ResultTable(("section", "group", "figure", "here", "older"), cells)
 
 
 def in_both(rows: Sequence[FinishedRow], other: Sequence[FinishedRow]) -> tuple[list[FinishedRow], list[FinishedRow]]:
@@ -239,10 +218,10 @@ NOTES = {
 }
 
 
-def campaign_page(found: Campaign, other: Sequence[FinishedRow] | None, command: str = "") -> Page:
+def campaign_page(found: Campaign, other: Sequence[FinishedRow] | None = None) -> Page:
     """The whole page; other : rows of an older campaign to compare with."""
     study, rows, missing, older, failed = found.study, found.rows, found.missing, found.older, found.failed
-    page = Page(study.title, f"The study {study.name}: {study.measure} on every row.", Made(command))
+    page = Page(study.title, f"The study {study.name}: {study.measure} on every row.")
     page.heading("What there is")
     hours = math.fsum(row.processor for row in rows) / 3600.0
     page.cards(
@@ -256,7 +235,7 @@ def campaign_page(found: Campaign, other: Sequence[FinishedRow] | None, command:
     notes += [f"{older} rows of another version of the code or of the study are in the file and not shown."] * (
         older > 0
     )
-    page.paragraph(" ".join([f"Version of the code: {found.version}.", *notes]), note=True)
+    page.paragraph(" ".join([f"Version of the code: {found.version}.", *notes]))
     for section in study.sections:
         _section(page, section, rows)
     if other is not None:
@@ -264,6 +243,8 @@ def campaign_page(found: Campaign, other: Sequence[FinishedRow] | None, command:
     _time(page, rows)
     if failed:
         page.heading("Rows that failed")
+        page.paragraph(f"{len(failed)} failed: {_reasons(failed)}.")
+        page.subheading("One by one", detail=True)
         cells = [[_words(row), str(row.failed)] for row in failed[:MOST_FAILED]]
         page.table(["row", "why"], cells)
         if len(failed) > MOST_FAILED:
@@ -271,19 +252,26 @@ def campaign_page(found: Campaign, other: Sequence[FinishedRow] | None, command:
     return page
 
 
+def _reasons(failed: Sequence[FinishedRow]) -> str:
+    reasons = [str(row.failed) for row in failed]
+    most = sorted(set(reasons), key=lambda text: (-reasons.count(text), text))
+    more = f", and {len(most) - 3} more" if len(most) > 3 else ""
+    return "; ".join(f"{text} ({reasons.count(text)})" for text in most[:3]) + more
+
+
 def _words(row: FinishedRow) -> str:
-    return ", ".join(f"{name} {shown(value)}" for name, value in row.given.items())
+    return ", ".join(f"{name} {plain(value)}" for name, value in row.given.items())
 
 
 def _section(page: Page, section: StudySection, rows: Sequence[FinishedRow]) -> None:
     page.heading(section.title)
     page.paragraph(NOTES[section.kind], note=True)
-    head, cells = section_table(section, rows)
-    if not cells:
+    table = section_table(section, rows)
+    if not table.rows:
         page.paragraph("No row yet.")
         return
-    page.table(head, cells)
-    if section.kind == "shares" and len(cells) > 1:
+    page.result(table)
+    if section.kind == "shares" and len(table.rows) > 1:
         for title, column in section.columns.items():
             page.chart(_share_chart(section, title, column, rows))
     if section.kind == "spread":
@@ -303,7 +291,7 @@ def _share_chart(section: StudySection, title: str, column: str, rows: Sequence[
         ChartSeries("95 % interval, lower end", low, "c0", kind="marks"),
         ChartSeries("upper end", high, "c0", kind="marks"),
     )
-    ticks = {float(k): " ".join(map(shown, values)) for k, (values, _) in enumerate(found)}
+    ticks = {float(k): " ".join(map(plain, values)) for k, (values, _) in enumerate(found)}
     panel = Panel(f"{title} [%]", x, series, height=230)
     view = (-0.5, len(found) - 0.5)
     return Chart(
@@ -313,7 +301,7 @@ def _share_chart(section: StudySection, title: str, column: str, rows: Sequence[
 
 def _spread_chart(section: StudySection, title: str, column: str, rows: Sequence[FinishedRow]) -> Chart | None:
     found = [(v, n) for v, some in groups(section, rows) if len(n := numbers(some, column)) > 1][:MOST_CURVES]
-    curves = [(" ".join(map(shown, values)) or title, n) for values, n in found]
+    curves = [(" ".join(map(plain, values)) or title, n) for values, n in found]
     return _sorted_chart(f"spread_{column}", title, curves, f"{section.title}: {title}", 230) if curves else None
 
 
@@ -339,12 +327,12 @@ def _older(page: Page, study: Study, rows: Sequence[FinishedRow], other: Sequenc
         canonical(a.figures) == canonical(b.figures) and a.failed == b.failed for a, b in zip(here, there, strict=True)
     ]
     page.paragraph(f"{len(here)} rows are in both; {sum(same)} are the same to the last bit.")
-    head, cells = against(rows, other, study.sections)
-    if cells:
-        page.table(head, cells)
+    shares = against(rows, other, study.sections)
+    if shares.rows:
+        page.result(shares)
     changed = [pair for pair, equal in zip(zip(here, there, strict=True), same, strict=True) if not equal]
     if changed:
-        page.subheading("Rows that differ")
+        page.subheading("Rows that differ", detail=True)
         cells = [[_words(a), _difference(a, b)] for a, b in changed[:MOST_FAILED]]
         page.table(["row", "older → here"], cells)
 
@@ -354,7 +342,7 @@ def _difference(here: FinishedRow, there: FinishedRow) -> str:
         return f"{there.failed or 'finished'} → {here.failed or 'finished'}"
     names = [n for n in here.figures if here.figures[n] != there.figures.get(n)]
     short = [n for n in names if not isinstance(here.figures[n], dict | list) or len(canonical(here.figures[n])) < 60]
-    texts = [f"{n}: {shown(there.figures.get(n))} → {shown(here.figures[n])}" for n in short[:4]]
+    texts = [f"{n}: {plain(there.figures.get(n))} → {plain(here.figures[n])}" for n in short[:4]]
     return "; ".join(texts) or ", ".join(names)
 
 

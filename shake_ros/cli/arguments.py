@@ -28,6 +28,7 @@ from shake_ros.declared import DEFAULT_TABLE
 from shake_ros.entry_points import ENTRY_POINTS
 from shake_ros.page.jobs import RELEASE
 from shake_ros.report.chart import FORMATS
+from shake_ros.report.result import Result
 
 CHOSEN = ("joint", "publishers", "covariance", "clock")  # kinds of findings on what was read in place of what
 
@@ -174,6 +175,14 @@ def changes(given: argparse.Namespace) -> dict[str, float]:
 def reporting(given: argparse.Namespace) -> dict[str, Any]:
     """What a result's `report` takes beside its folder."""
     return {"figures": given.figures, "command": given.line}
+
+
+def reported(found: Result, given: argparse.Namespace) -> int:
+    """Write a result into its folder and print it; the exit code."""
+    found.report(given.out, given.force, **reporting(given))
+    print(found)
+    print(f"report: {given.out / found.page_name}.html")
+    return 0
 
 
 def taken(given: argparse.Namespace) -> dict[str, list[str | int]]:

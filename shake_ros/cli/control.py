@@ -14,7 +14,7 @@ from shake_ros.api.loops import MODELS
 from shake_ros.api.tune import check_target, tune
 from shake_ros.api.tune_table import FILES, tune_table
 from shake_ros.campaigns.campaign import campaign
-from shake_ros.cli.arguments import CommandLine, reporting
+from shake_ros.cli.arguments import CommandLine, reported, reporting
 from shake_ros.core.loop.linear_loop import LAWS
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.result_folder import refuse_existing
@@ -99,12 +99,9 @@ def compare_command(arguments: Sequence[str]) -> int:
     refuse_existing(given.out, force=given.force)
     began, spent = time.monotonic(), time.process_time()
     found = compare(**p.options(given))
-    found.report(given.out, given.force, **reporting(given))
     wall, processor = time.monotonic() - began, time.process_time() - spent
-    print(found)
     print(f"{len(found.outcomes)} loops in {wall:.0f} s, {processor:.0f} s of processor time")
-    print(f"report: {given.out / 'report.html'}")
-    return 0
+    return reported(found, given)
 
 
 CAMPAIGN_METHOD = """\

@@ -11,7 +11,7 @@ from typing import Any
 from shake_ros.api.live_table import OWN, NotReleasedError
 from shake_ros.api.read import read
 from shake_ros.api.record_scale import accelerogram
-from shake_ros.cli.arguments import CommandLine, changes, live, released_by, reporting, taken
+from shake_ros.cli.arguments import CommandLine, changes, live, released_by, reported, taken
 from shake_ros.commissioning.commission import commission
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.result_folder import check_folder
@@ -58,10 +58,10 @@ def commission_command(arguments: Sequence[str]) -> int:
     check_folder(given.out, given.force)
     with live(given) as table:
         found = commission(**p.options(given), live=table, release=shown if given.yes else asked)
-    print(found.frame)
     if found.steps:
-        found.report(given.out, given.force, given.line)
+        found.report(given.out, given.force, command=given.line)
         print(f"written: {given.out}")
+    print(found)
     if not found.complete:
         print(f"ended: {found.reason}", file=sys.stderr)
     return 0 if found.complete else 1
@@ -107,28 +107,19 @@ def iterate_command(arguments: Sequence[str]) -> int:
         raise ShakeError("give either recordings or --simulate N")
     how = {name: getattr(given, name) for name in ("settings", "model", "refit")}
     if given.simulate is not None:
-        result = _simulated(given, how)
-        result.report(given.out, given.force, **reporting(given))
-        return _report_iteration(result)
+        return _report_iteration(_simulated(given, how), given)
     runs = read(*given.bags, take=taken(given))
     if given.refit is not None:
         for finding in runs[-1:].findings:
             print(finding, file=sys.stderr)
-    result = iterate(given.wanted, runs, **how)
-    result.report(given.out, given.force, **reporting(given))
-    for path, error in zip(given.bags, result.missed, strict=True):
-        print(f"{path}: acceleration missed by {100.0 * error:.2f} % within the band")
-    if result.factor < 1.0:
-        print(f"the next drive was scaled by {result.factor:.3f} to stay within its limits")
-    if result.drive is not None:
-        print(f"next drive: {given.out / 'drive.yaml'}")
-    else:
-        print(f"model of the next run: {given.out / 'model.yaml'}")
-    return _report_iteration(result)
+    return _report_iteration(iterate(given.wanted, runs, **how), given)
 
 
-def _report_iteration(result: Iterated) -> int:
-    """What is wrong, why, and what to do, on standard error; the exit code."""
+def _report_iteration(result: Iterated, given: argparse.Namespace) -> int:
+    """Write and print the result; what is wrong, why, and what to do, on standard error; the exit code."""
+    reported(result, given)
+    what, file = ("next drive", "drive.yaml") if result.drive is not None else ("model of the next run", "model.yaml")
+    print(f"{what}: {given.out / file}")
     if not result.wrong:
         return 0
     print(f"the iteration {result.wrong}", file=sys.stderr)
@@ -150,10 +141,7 @@ def _simulated(given: argparse.Namespace, how: Mapping[str, Any]) -> Iterated:
     table = SimulatedTable(
         given.table, given.observer, given.controller, given.delay, progress=shown, changes=changes(given)
     )
-    result = iterate_simulated(given.wanted, table, runs=given.simulate, **how)
-    best = f"run {result.best + 1}, which missed {100.0 * result.missed[result.best]:.2f} % within the band"
-    print(f"{result.reason}; the best is {best}")
-    return result
+    return iterate_simulated(given.wanted, table, runs=given.simulate, **how)
 
 
 QUALIFY_METHOD = """\
@@ -214,10 +202,7 @@ def _test(given: argparse.Namespace, options: Mapping[str, Any]) -> int:
         print(f"{error}; --acknowledge NAME names the person who releases it", file=sys.stderr)
         return 1
     result.report(given.out, given.force)
-    print(result.verdicts)
-    for when, found in (("before", result.before), ("after", result.after)):
-        if found is not None:
-            print(f"resonance {when} the test: {found}")
+    print(result)
     print(f"certificate: {given.out / 'certificate.html'}, {given.out / 'certificate.pdf'}")
     if result.passed:
         print(f"passed in {_runs(result)}")
@@ -278,7 +263,7 @@ def _again(source: Path) -> int:
             print(f"reproduced: {len(found.done)} tests, every file and every figure as certified")
         return 1 if differences else 0
     result, differences = certified(source)
-    print(result.verdicts)
+    print(result)
     for line in differences:
         print(line, file=sys.stderr)
     if differences:

@@ -6,7 +6,7 @@ import argparse
 import json
 import shutil
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import count, pairwise
 from pathlib import Path
 
@@ -27,6 +27,7 @@ from shake_ros.cli.arguments import (
     live,
     read_set,
     released_by,
+    reported,
     reporting,
     taken,
 )
@@ -37,13 +38,6 @@ from shake_ros.core.quantities import ShakeError
 from shake_ros.data.result_folder import check_folder, write_json
 from shake_ros.experiment_design.next_recording import NextRecording, decide, next_recording
 from shake_ros.page.jobs import RECORDED
-from shake_ros.report.text import (
-    close_loop_lines,
-    diagnosis_lines,
-    identified_lines,
-    predictable_lines,
-    tracking_lines,
-)
 from shake_ros.twin.follow import follow
 
 ALSO = "--also"
@@ -169,14 +163,7 @@ def identify_command(arguments: Sequence[str]) -> int:
     add_declared(command)
     command.add_verb(identify)
     given = command.read(arguments)
-    result = identify(*inputs(given), **command.options(given))
-    result.report(given.out, given.force, **reporting(given))
-    print(result.parameters, f"error of the free run:\n{result.error}", sep="\n")
-    print("\n".join([*identified_lines(result.identified_estimates, result.data), *diagnosis_lines(result.diagnosis)]))
-    if result.slow_changes.rows:
-        print(f"nuisance parameters of each recording:\n{result.slow_changes}")
-    print(f"report: {given.out / 'report.html'}")
-    return 0
+    return reported(identify(*inputs(given), **command.options(given)), given)
 
 
 def close_loop_command(arguments: Sequence[str]) -> int:
@@ -217,10 +204,10 @@ def close_loop_command(arguments: Sequence[str]) -> int:
             table.check()
     found = close_loop(*inputs(given), test=read_set(given, given.test), **command.options(given))
     found.report(given.out, given.force, **reporting(given))
-    text = list[str]()
     with found.failures.step("text"):
-        text.extend(discovery_lines(found, given.force))
-    print("\n".join(text))
+        print(found)
+    if found.tuned and not found.tuned.sound and not given.force:
+        print("controller.yaml and observer.yaml are not written: the closed loop oscillates (--force writes them)")
     answers = [found]
     if given.live:
         with found.failures.step("next recording"):
@@ -269,7 +256,7 @@ def decide_live(answers: list[Discovery], given: argparse.Namespace) -> None:
         def keep(more: Discovery) -> None:
             answers.append(more)
             out = more.report(given.out / "decided", force=True, **reporting(given))
-            print("\n".join([*discovery_lines(more, given.force), f"report: {out}"]), flush=True)
+            print(more, f"report: {out}", sep="\n", flush=True)
 
         table.check()
         interlock = table.interlock()
@@ -290,24 +277,6 @@ def write_next(asked: NextRecording, out: Path) -> Path:
 def unused(folder: Path) -> Path:
     """The first next_1, next_2, … in a folder that is not there yet."""
     return next(path for k in count(1) if not (path := folder / f"next_{k}").exists())
-
-
-def discovery_lines(found: Discovery, force: bool) -> Iterator[str]:
-    """The report for a terminal, line by line. force : whether gains under which the loop rings were written."""
-    if found.tuned:
-        yield str(found.tuned)
-        if not found.tuned.sound and not force:
-            yield "controller.yaml and observer.yaml are not written: the closed loop oscillates (--force writes them)"
-    yield from close_loop_lines(found.closed)
-    if found.diagnosis:
-        yield from predictable_lines(found.closed, found.diagnosis)
-    yield from identified_lines(found.identified_estimates, found.data)
-    if found.tracking:
-        yield from tracking_lines(found.tracking)
-    if found.diagnosis:
-        yield from diagnosis_lines(found.diagnosis)
-    if found.slow_changes.rows:
-        yield f"nuisance parameters of each recording:\n{found.slow_changes}"
 
 
 FOLLOW_METHOD = """\
@@ -336,8 +305,4 @@ def follow_command(arguments: Sequence[str]) -> int:
     p.add_figures()
     given = p.read(arguments)
     check_folder(given.out, given.force)
-    found = follow(read(*given.recordings, take=taken(given)), given.table, **p.options(given))
-    found.report(given.out, given.force, **reporting(given))
-    print("\n".join(found.lines))
-    print(f"report: {given.out / 'report.html'}")
-    return 0
+    return reported(follow(read(*given.recordings, take=taken(given)), given.table, **p.options(given)), given)

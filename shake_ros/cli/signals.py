@@ -8,7 +8,7 @@ from pathlib import Path
 from shake_ros.api.record_scale import YAML, accelerogram, band_of, record_scale, treatment
 from shake_ros.api.response_spectrum import acceleration_spectra
 from shake_ros.api.signals import frequency_response, multisine_split, thd
-from shake_ros.cli.arguments import CommandLine, reporting, source
+from shake_ros.cli.arguments import CommandLine, reported, source
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.result_folder import refuse_existing, writing
 from shake_ros.report.page import write_page
@@ -71,10 +71,8 @@ def frequency_response_command(arguments: Sequence[str]) -> int:
         refuse_existing(given.out, force=given.force)
     found = frequency_response(source(given.bags, given), **p.options(given))
     if given.out is not None:
-        found.report(given.out, given.force, **reporting(given))
+        return reported(found, given)
     print(found)
-    if given.out is not None:
-        print(f"report: {given.out / 'report.html'}")
     return 0
 
 
@@ -132,7 +130,7 @@ def record_scale_command(arguments: Sequence[str]) -> int:
         item.write(path)
         print(f"written: {path}")
         with writing():
-            write_page(item.page(given.line), path.parent, given.figures, path.stem)
+            write_page(item.page(), path.parent, given.figures, path.stem, given.line)
         print(f"report: {path.with_suffix('.html')}")
     return 0
 

@@ -42,10 +42,10 @@ from shake_ros.core.quantities import ShakeError
 from shake_ros.core.safety.causes import InterlockParameters
 from shake_ros.data.recordings import TableRecording
 from shake_ros.data.reference_file import build_program
-from shake_ros.data.result_folder import new_folder, write_json
 from shake_ros.experiment_design.next_recording import next_recording
 from shake_ros.report.chart import Chart, ChartSeries, Panel
-from shake_ros.report.page import Made, Page
+from shake_ros.report.page import Page
+from shake_ros.report.result import Result
 from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.settings import load_table, save_table
 
@@ -54,9 +54,10 @@ SHOWING = "to show what the model lacks"
 
 
 @dataclass(frozen=True, repr=False)
-class Commission:
+class Commission(Result):
     """The result. steps : that were run. reason : why it ended before the last one, empty where it did not."""
 
+    numbers, page_name = "commission.json", "commission"
     steps: tuple[Step, ...]
     settings: CommissionSettings
     reason: str
@@ -81,26 +82,41 @@ class Commission:
         names = ("position", "velocity", "acceleration", "model's error")
         return ResultTable(("level", "loop", *names, "interlock"), rows, dict.fromkeys(names, percent))
 
-    def report(self, folder: str | Path, force: bool = False, command: str = "") -> Path:
-        """Write table.yaml, controller.yaml, observer.yaml, interlock.yaml, the page, its figures and the recordings.
+    @property
+    def page(self) -> Page:
+        """The steps, what each taught, and the curves of each run."""
+        verdict, lines = self.summary()
+        page = Page("Commissioning", verdict)
+        page.heading("Steps")
+        page.result(self.frame, warn=[i for i, step in enumerate(self.steps) if step.held])
+        page.paragraph(
+            "Errors are rms errors of the true motion if it is known, otherwise of the measured one, over the rms of "
+            "the reference about its mean.",
+            note=True,
+        )
+        page.heading("Table and gains")
+        for line in lines:
+            page.paragraph(line)
+        for i, step in enumerate(self.steps):
+            title = f"Step {i + 1}, level {step.level:g}{', ' if step.purpose else ''}{step.purpose}"
+            page.heading(title, detail=True)
+            limits = [(name, f"{value:.4g} {UNITS[name]}") for name, value in step.limits.items()]
+            page.table(("limit of the interlock", "holds beyond"), limits)
+            for line in step.findings:
+                page.paragraph(line)
+            page.chart(run_chart(f"step_{i + 1}", title, step))
+        return page
 
-        Raises
-        ------
-        ShakeError : the folder is there and `force` is not given.
-        """
-        with new_folder(Path(folder), force=force) as out:
-            if self.tuned is not None:
-                save_table(out / "table.yaml", self.tuned.table, "Found by commission.")
-                self.tuned.write(out)
-            text = yaml.safe_dump(dict(self.steps[-1].interlock), sort_keys=False) if self.steps else ""
-            head = f"# Limits of level {self.steps[-1].level:g}, by commission.\n" if self.steps else ""
-            (out / "interlock.yaml").write_text(head + text, encoding="utf-8")
-            page = commission_page(self, command)
-            (out / "commission.html").write_text(page, encoding="utf-8")
-            write_json(out / "commission.json", self.content())
-            for step in self.steps:
-                Simulation(step.run).write(out / "recordings" / step.run.name)
-        return Path(folder)
+    def files(self, work: Path, _: Path, /) -> None:
+        """Write table.yaml, controller.yaml, observer.yaml, interlock.yaml and the recordings."""
+        if self.tuned is not None:
+            save_table(work / "table.yaml", self.tuned.table, "Found by commission.")
+            self.tuned.write(work)
+        text = yaml.safe_dump(dict(self.steps[-1].interlock), sort_keys=False) if self.steps else ""
+        head = f"# Limits of level {self.steps[-1].level:g}, by commission.\n" if self.steps else ""
+        (work / "interlock.yaml").write_text(head + text, encoding="utf-8")
+        for step in self.steps:
+            Simulation(step.run).write(work / "recordings" / step.run.name)
 
     def summary(self) -> tuple[str, list[str]]:
         """The verdict, and lines on table and gains."""
@@ -134,9 +150,6 @@ class Commission:
             for step in self.steps
         ]
         return {"schema": "shake_ros.commission/1", "complete": self.complete, "reason": self.reason, "steps": steps}
-
-    def __repr__(self) -> str:
-        return f"{self.frame!r}\n{self.reason or 'complete'}"
 
 
 class _Plan(NamedTuple):
@@ -224,31 +237,6 @@ def run_chart(name: str, title: str, step: Step) -> Chart:
         Panel("command [-]", run.time, (command,), height=120),
     )
     return Chart(name, "time [s]", rows, f"{title}: reference, sensors and command")
-
-
-def commission_page(found: Commission, command: str = "") -> str:
-    """The page as HTML: the steps, what each taught, and the curves of each run."""
-    verdict, lines = found.summary()
-    page = Page("Commissioning", verdict, Made(command))
-    page.heading("Steps")
-    page.result(found.frame, warn=[i for i, step in enumerate(found.steps) if step.held])
-    page.paragraph(
-        "Errors are rms errors of the true motion if it is known, otherwise of the measured one, over the rms of the "
-        "reference about its mean.",
-        note=True,
-    )
-    page.heading("Table and gains")
-    for line in lines:
-        page.paragraph(line)
-    for i, step in enumerate(found.steps):
-        title = f"Step {i + 1}, level {step.level:g}{', ' if step.purpose else ''}{step.purpose}"
-        page.heading(title)
-        limits = [(name, f"{value:.4g} {UNITS[name]}") for name, value in step.limits.items()]
-        page.table(("limit of the interlock", "holds beyond"), limits)
-        for line in step.findings:
-            page.paragraph(line)
-        page.chart(run_chart(f"step_{i + 1}", title, step))
-    return page.render()
 
 
 def commission(

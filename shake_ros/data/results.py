@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from itertools import zip_longest
 from typing import Any
 
@@ -248,18 +248,65 @@ def chosen_because(step: ForwardStep) -> str:
     return why
 
 
-def _step_json(step: ForwardStep, model: FittedModel, verdict: EffectVerdict | None) -> dict[str, Any]:
-    best = step.chosen
-    own = {f.name for f in best.candidate.free}
+@dataclass(frozen=True)
+class FoundEffect:
+    """An effect that the declared model was missing.
+
+    Attributes
+    ----------
+    name, place : of the effect.
+    parameters : its own, with standard errors.
+    evidence : why this one.
+    alternatives : effects that these recordings cannot distinguish from it.
+    step, model : that added it, and the model from there on.
+    verdict : in the final model; None where there is none.
+    """
+
+    name: str
+    place: str
+    parameters: tuple[Estimate, ...]
+    evidence: str
+    alternatives: tuple[str, ...]
+    step: ForwardStep
+    model: FittedModel
+    verdict: EffectVerdict | None
+
+    @property
+    def state(self) -> str:
+        """Its verdict in a word; empty where there is none."""
+        return self.verdict.state if self.verdict else ""
+
+    @property
+    def worth(self) -> float:
+        """Error of the final model without it, over that with it [-]."""
+        return self.verdict.worth if self.verdict else math.nan
+
+
+def found_effect(step: ForwardStep, model: FittedModel, verdict: EffectVerdict | None = None) -> FoundEffect:
+    """What a step of the search added."""
+    effect = step.chosen.candidate
+    own = {f.name for f in effect.free}
+    parameters = tuple(p for p in model.parameters if p.name in own)
+    others = tuple(verdict.alternatives if verdict else step.alternatives)
+    return FoundEffect(effect.effect, effect.place, parameters, chosen_because(step), others, step, model, verdict)
+
+
+def found_effects(result: LoopClosure) -> list[FoundEffect]:
+    """What was missing, in the order in which it was found."""
+    steps = zip_longest(result.search.steps, result.models, result.verdicts)
+    return [found_effect(*step) for step in steps]
+
+
+def _step_json(effect: FoundEffect) -> dict[str, Any]:
     return {
-        "effect": best.candidate.effect,
-        "alternatives": list(verdict.alternatives if verdict else step.alternatives),
-        **(_verdict_json(verdict) if verdict else {}),
-        "place": best.candidate.place,
-        "depends_on": list(best.candidate.depends_on),
-        "parameters": parameters_json([p for p in model.parameters if p.name in own]),
-        "evidence": {"why": chosen_because(step), "ranking": [_refit_json(r) for r in step.ranking]},
-        "error": errors_json(model),
+        "effect": effect.name,
+        "alternatives": list(effect.alternatives),
+        **(_verdict_json(effect.verdict) if effect.verdict else {}),
+        "place": effect.place,
+        "depends_on": list(effect.step.chosen.candidate.depends_on),
+        "parameters": parameters_json(effect.parameters),
+        "evidence": {"why": effect.evidence, "ranking": [_refit_json(r) for r in effect.step.ranking]},
+        "error": errors_json(effect.model),
     }
 
 
@@ -282,10 +329,7 @@ def close_loop_json(
         "recordings": {"learn": list(learn), "hold": list(hold), "test": list(test)},
         "noise": result.noise,
         "baseline": model_json(result.baseline),
-        "steps": [
-            _step_json(step, model, verdict)
-            for step, model, verdict in zip_longest(result.search.steps, result.models, result.verdicts)
-        ],
+        "steps": [_step_json(effect) for effect in found_effects(result)],
         "final": model_json(result.final),
         "remaining": {
             "above_noise": rest.above_noise,

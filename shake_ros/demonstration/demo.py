@@ -26,23 +26,21 @@ from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.fit_records import fit_records
 from shake_ros.data.recordings import TableRecording, read_table_recording
 from shake_ros.data.result_folder import new_folder, write_json
-from shake_ros.data.results import close_loop_json
+from shake_ros.data.results import close_loop_json, found_effects
 from shake_ros.declared import model_structure
 from shake_ros.measured.models import MeasuredRuns
 from shake_ros.measured.page import harmonics_chart
 from shake_ros.measured.runs import ALL, fit_runs, read_problem
-from shake_ros.report.chart import AFTER, BEFORE, MEASURED, new_figure, png, tidy
-from shake_ros.report.charts_fit import fastest_segment, free_runs
-from shake_ros.report.close_loop_page import MODELS, mean_error, model_sections, step_text
+from shake_ros.report.close_loop_page import MODELS, effect_text, mean_error, model_sections
 from shake_ros.report.page import Bar, Page, write_page
 from shake_ros.report.result_table import percent
-from shake_ros.report.sections import Track, made_of, parameters_side_by_side, tracking_section
+from shake_ros.report.sections import Track, parameters_side_by_side, sources_of, tracking_section
 from shake_ros.report.text import sentence
 from shake_ros.search.close_loop import LoopClosure, close_loop
 from shake_ros.settings import find, load_search, load_table, read_yaml, save_table
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    pass
 
 DURATION = {"excitation": 11.0, "earthquake": 12.0}  # of the recordings [s]
 RUNS = ("excitation", "earthquake", "earthquake_again")  # recorded, each with sensor noise of its own
@@ -216,9 +214,9 @@ def _run(
     write_json(folder / "summary.json", summary)
     content = close_loop_json(result, names_of(learn), names_of(hold), "full", names_of(test))
     write_json(folder / "close_loop.json", content)
-    write_page(demo_page(found, summary, command), folder, figures)
-    (folder / "overview.png").write_bytes(overview(found))
-    (folder / "summary.txt").write_text(lines(found, summary), encoding="utf-8")
+    page = demo_page(found, summary)
+    write_page(page, folder, figures, command=command)
+    (folder / "summary.txt").write_text(f"{page.text()}\n", encoding="utf-8")
 
 
 @dataclass(frozen=True)
@@ -271,70 +269,6 @@ def summarise(found: DemoResult, seconds: float) -> dict[str, Any]:
     }
 
 
-def lines(found: DemoResult, summary: Mapping[str, Any]) -> str:
-    """The summary for a terminal."""
-    h, d, t = summary["harmonics"], summary["hidden"], summary["tracking"]
-    before, after = (track.errors["velocity"] for track in found.tracks.values())
-    verdict = "right" if d["named"] == d["effect"] else "not the hidden one"
-    return (
-        f"measured runs:  {h['baseline_rms']:.3f} → {h['final_rms']:.3f} m/s² rms "
-        f"with {h['effect'] or 'nothing added'}\n"
-        f"hidden effect:  {d['effect']}; named: {d['named'] or 'nothing'} ({verdict})\n"
-        f"validation:     {100 * d['hold_before']:.2f} → {100 * d['hold_after']:.2f} % of the acceleration\n"
-        f"test:           {100 * d['test_before']:.2f} → {100 * d['test_after']:.2f} % of the acceleration\n"
-        f"tracking error: {100 * t['before']:.2f} → {100 * t['after']:.2f} % of the position, "
-        f"{100 * before:.2f} → {100 * after:.2f} % of the velocity\n"
-        f"seconds:        {summary['seconds']:.0f}\n"
-    )
-
-
-def harmonic_axes(axes: Axes, runs: MeasuredRuns) -> None:
-    """Bars of the first measured run: measured, declared model, best variant."""
-    run = runs.problem.runs[0]
-    span = slice(0, len(run.orders))
-    curves = (
-        (run.measured, MEASURED, "measured on the table"),
-        (runs.amplitudes(runs.declared)[span], BEFORE, "declared model"),
-        (runs.amplitudes(runs.best)[span], AFTER, f"with {runs.best.name or 'nothing added'}"),
-    )
-    place = np.arange(len(run.orders))
-    for i, (values, colour, label) in enumerate(curves):
-        axes.bar(place + (i - 1) * 0.27, values, width=0.25, color=colour, label=label)
-    axes.set_xticks(place, [str(k) for k in run.orders])
-    axes.set_yscale("log")
-    axes.set_ylim(0.04, 20.0)
-    axes.set_title(f"real table, u = {run.amplitude:g} at {run.frequency:g} Hz", fontsize=10)
-    tidy(axes, "harmonic", "acceleration amplitude [m/s²]")
-    axes.legend(frameon=False, fontsize=9)
-
-
-def overview(found: DemoResult) -> bytes:
-    """One picture of the whole result as PNG: harmonics, acceleration of the validation data, tracking error."""
-    result = found.result
-    figure = new_figure(12.5, 7.2)
-    grid = figure.add_gridspec(2, 2)
-    harmonic_axes(figure.add_subplot(grid[0, 0]), found.runs)
-    record = found.hold[0]
-    runs_of_record = free_runs(record, result.baseline.table, result.final.table)
-    span = fastest_segment(record, 1.2)
-    time = np.arange(len(record.commands))[span] * record.sample_time
-    history = figure.add_subplot(grid[0, 1])
-    if record.acceleration is not None:
-        history.plot(time, record.acceleration[span], color=MEASURED, linewidth=1.6, label="measured (validation)")
-    history.plot(time, runs_of_record[0][span, 2], color=BEFORE, linewidth=1.1, label="declared model")
-    named = ", ".join(s.chosen.candidate.effect for s in result.search.steps) or "nothing added"
-    history.plot(time, runs_of_record[1][span, 2], color=AFTER, linewidth=1.1, linestyle="--", label=f"with {named}")
-    tidy(history, "time [s]", "acceleration [m/s²]")
-    history.legend(frameon=False, fontsize=9, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
-    error = figure.add_subplot(grid[1, :])
-    for (label, track), colour in zip(found.tracks.items(), (BEFORE, AFTER), strict=True):
-        off = 1e3 * (track.motion[:, 0] - track.reference[:, 0])
-        error.plot(track.time, off, color=colour, linewidth=1.0, label=label)
-    tidy(error, "time [s]", "position error [mm]")
-    error.legend(frameon=False, loc="upper right", fontsize=9)
-    return png(figure)
-
-
 def measured_section(page: Page, runs: MeasuredRuns) -> None:
     """The five measured runs of the real table."""
     page.heading("Five measured runs of the real table")
@@ -360,7 +294,7 @@ def measured_section(page: Page, runs: MeasuredRuns) -> None:
     page.table(head, rows, best=models.index(runs.best), start=0)
 
 
-def demo_page(found: DemoResult, summary: Mapping[str, Any], command: str = "") -> Page:
+def demo_page(found: DemoResult, summary: Mapping[str, Any]) -> Page:
     """The whole page; summary : content of summary.json."""
     runs, result, sets = found.runs, found.result, (found.learn, found.hold, found.test)
     before, after = (track.errors["position"] for track in found.tracks.values())
@@ -369,7 +303,7 @@ def demo_page(found: DemoResult, summary: Mapping[str, Any], command: str = "") 
         "Closing the loop with measured data",
         "A simulated table with an effect that the model is missing: recorded over DDS, found from the recordings, "
         "added, and tracked again; and the declared model against harmonics measured on the real table.",
-        made_of(command, *sets),
+        sources_of(*sets),
     )
     page.heading("What was found, and how certain it is")
     page.cards(
@@ -393,8 +327,8 @@ def demo_page(found: DemoResult, summary: Mapping[str, Any], command: str = "") 
             ),
         ]
     )
-    for step, model in zip(result.search.steps, result.models, strict=True):
-        page.paragraph(step_text(step, model))
+    for effect in found_effects(result):
+        page.paragraph(effect_text(effect))
     page.paragraph(
         "Plant, reference generator, observer, controller and recorder ran in lock-step as separate processes: "
         f"{sum(len(r.commands) for r in found.learn)} samples of an excitation for estimation and "

@@ -20,7 +20,6 @@ from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.data.recordings import TableRecording
 from shake_ros.data.reference_file import build_program, write_drive
-from shake_ros.data.result_folder import new_folder, write_json
 from shake_ros.declared import effect_candidates, free_parameters, model_structure, search_settings
 from shake_ros.iteration.drive import (
     Iteration,
@@ -34,7 +33,8 @@ from shake_ros.iteration.drive import (
 from shake_ros.iteration.drive import iterate as corrected
 from shake_ros.iteration.table import SimulatedRuns, SimulatedTable
 from shake_ros.report.chart import Chart, ChartSeries, Panel, static_figure
-from shake_ros.report.page import Made, Page, write_page
+from shake_ros.report.page import Page
+from shake_ros.report.result import Result
 from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.search.close_loop import close_loop
 from shake_ros.settings import find, load_table, read_yaml, save_table
@@ -70,35 +70,8 @@ def spectrum_chart(wanted: Array, spectra: Sequence[Array], best: int) -> Chart:
     return Chart("spectra", "frequency [Hz]", (panel,), caption, log_x=True)
 
 
-def iteration_page(found: Iterated, command: str = "") -> Page:
-    """The runs and what each missed."""
-    runs, missed, best = found.runs, found.missed, found.best
-    true = found.simulated.errors if found.simulated else ()
-    page = Page("The drive, run by run", "Each run is corrected by the error of the last one.", Made(command))
-    page.heading("What was found")
-    page.cards(
-        [
-            (f"{percent(missed[0])} → {percent(missed[best])}", f"error within the band, {runs[0]} and {runs[best]}"),
-            (runs[best], f"the best of {len(runs)} run{'s' * (len(runs) > 1)}, by the error within the band"),
-        ]
-    )
-    if found.reason:
-        page.paragraph(f"It ended because: {found.reason}.")
-    page.heading("Errors, run by run")
-    page.paragraph("The acceleration missed, rms over that of the wanted one.")
-    head = ["run", "measured, within the band", *(["true, all frequencies"] if true else [])]
-    rows = [
-        [name, percent(m), *([percent(true[k])] if true else [])]
-        for k, (name, m) in enumerate(zip(runs, missed, strict=True))
-    ]
-    page.table(head, rows, best=best)
-    for chart in found.charts():
-        page.chart(chart)
-    return page
-
-
-@dataclass(frozen=True)
-class Iterated:
+@dataclass(frozen=True, repr=False)
+class Iterated(Result):
     """The next run of an iteration.
 
     Attributes
@@ -117,6 +90,7 @@ class Iterated:
     records : the runs as a fit takes them.
     """
 
+    numbers = "iteration.json"
     runs: tuple[str, ...]
     missed: tuple[float, ...]
     sample_time: float
@@ -175,17 +149,50 @@ class Iterated:
         spectra = spectrum_chart(self.simulated.aim, self.simulated.spectra, self.best)
         return [error_chart(self.runs, curves), spectra]
 
-    def report(self, folder: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> Path:
-        """Write drive.csv and drive.yaml, or model.yaml; iteration.json; report.html. Options as `Discovery.report`."""
-        out = Path(folder)
-        with new_folder(out, force=force) as work:
-            if self.model is not None:
-                save_table(work / "model.yaml", self.model, "The model of the next run, by iterate.")
-            if self.drive is not None:
-                write_drive(work, out, self.drive, self.sample_time)
-            write_json(work / "iteration.json", {"schema": "shake_ros.iterate/1", "error_in_band": list(self.missed)})
-            write_page(iteration_page(self, command), work, figures)
-        return out
+    def content(self) -> dict[str, Any]:
+        """Content of iteration.json."""
+        return {"schema": "shake_ros.iterate/1", "error_in_band": list(self.missed)}
+
+    @property
+    def page(self) -> Page:
+        """The runs and what each missed."""
+        runs, missed, best = self.runs, self.missed, self.best
+        true = self.simulated.errors if self.simulated else ()
+        page = Page("The drive, run by run", "Each run is corrected by the error of the last one.")
+        page.heading("What was found")
+        page.cards(
+            [
+                (
+                    f"{percent(missed[0])} → {percent(missed[best])}",
+                    f"error within the band, {runs[0]} and {runs[best]}",
+                ),
+                (runs[best], f"the best of {len(runs)} run{'s' * (len(runs) > 1)}, by the error within the band"),
+            ]
+        )
+        if self.reason:
+            page.paragraph(f"It ended because: {self.reason}.")
+        if self.factor < 1.0:
+            page.paragraph(f"The next drive was scaled by {self.factor:.3f} to stay within its limits.")
+        if self.wrong:
+            page.paragraph(f"The iteration {self.wrong}.")
+        page.heading("Errors, run by run")
+        page.paragraph("The acceleration missed, rms over that of the wanted one.")
+        head = ["run", "measured, within the band", *(["true, all frequencies"] if true else [])]
+        rows = [
+            [name, percent(m), *([percent(true[k])] if true else [])]
+            for k, (name, m) in enumerate(zip(runs, missed, strict=True))
+        ]
+        page.table(head, rows, best=best)
+        for chart in self.charts():
+            page.chart(chart)
+        return page
+
+    def files(self, work: Path, folder: Path, /) -> None:
+        """Write drive.csv and drive.yaml, or model.yaml."""
+        if self.model is not None:
+            save_table(work / "model.yaml", self.model, "The model of the next run, by iterate.")
+        if self.drive is not None:
+            write_drive(work, folder, self.drive, self.sample_time)
 
 
 Learn = Callable[[TableParameters, Sequence[Record]], TableParameters]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -10,8 +10,8 @@ from shake_ros.core.identification.uncertainty import Estimate, at_bound
 from shake_ros.measured.harmonics import HarmonicProblem, HarmonicRun
 from shake_ros.measured.models import HarmonicComparison, MeasuredModel
 from shake_ros.report.chart import Array, Chart, ChartSeries, Panel
-from shake_ros.report.page import Made, Page
-from shake_ros.report.result_table import ResultTable
+from shake_ros.report.page import Page
+from shake_ros.report.result_table import ResultTable, fixed
 from shake_ros.report.text import bound_text, estimate_text, sentence, unit_of
 
 COLOURS = ("c5", "c3", "before")  # of the printed models, the last one counts
@@ -59,11 +59,6 @@ def shown(comparison: HarmonicComparison) -> list[tuple[MeasuredModel, str]]:
     return [*zip(printed, colours, strict=True), (comparison.chosen, "after")]
 
 
-def fixed(digits: int, sign: str = "") -> Callable[[float | None], str]:
-    """A format with so many decimals, a dash for None."""
-    return lambda value: "–" if value is None else f"{value:{sign}.{digits}f}"
-
-
 RUNS_NOTE = "amplitude of the acceleration [m/s²] by order; THD of these orders and of all orders simulated"
 
 
@@ -106,27 +101,6 @@ def left_out_table(models: Sequence[MeasuredModel]) -> ResultTable:
     return ResultTable(("model", *runs), rows, dict.fromkeys(runs, fixed(3)))
 
 
-def comparison_lines(comparison: HarmonicComparison) -> list[str]:
-    """Runs harmonic by harmonic, then all models against each other."""
-    lines = [RUNS_NOTE]
-    for index in range(len(comparison.problem.runs)):
-        lines += ["", str(run_table(comparison, index))]
-    lines += [
-        "",
-        str(model_table(comparison.models)),
-        "",
-        "criterion: the Bayesian one, lower is better; left out: every run predicted by the model fitted to the others",
-        "THD: minus the measured one, in points, run by run",
-    ]
-    left_out = left_out_table(comparison.models)
-    if left_out.rows:
-        lines += ["", "rms of each run [m/s²], predicted by the model fitted to the others", str(left_out)]
-    if comparison.exchanged:
-        lines += ["", f"{comparison.printed[-1].name}: where it differs from {comparison.chosen.name}"]
-        lines += [str(model_table(comparison.exchanged))]
-    return [*lines, "", f"best without a second effect: {comparison.chosen.name}", *second_lines(comparison)]
-
-
 def second_lines(comparison: HarmonicComparison) -> list[str]:
     """Whether a second effect pays, by the criterion and by the runs left out."""
     base = comparison.chosen
@@ -147,7 +121,7 @@ def second_lines(comparison: HarmonicComparison) -> list[str]:
     ]
 
 
-def measured_page(comparison: HarmonicComparison, command: str = "") -> Page:
+def measured_page(comparison: HarmonicComparison) -> Page:
     """What explains the real table's harmonics, how well, and why not another model."""
     problem, chosen = comparison.problem, comparison.chosen
     count = len(problem.runs)
@@ -155,7 +129,6 @@ def measured_page(comparison: HarmonicComparison, command: str = "") -> Page:
         "The real table's measured runs",
         f"{len(problem.measured)} amplitudes of {count} run{'s' * (count > 1)} under open-loop sines against printed "
         "and fitted models.",
-        Made(command),
     )
     page.heading("What was found, and how certain it is")
     cards = [(chosen.name, "explains the runs best by the information criterion")]
@@ -180,6 +153,10 @@ def measured_page(comparison: HarmonicComparison, command: str = "") -> Page:
         "run predicted by the model fitted to the others. THD: minus the measured one, in points, run by run."
     )
     page.result(model_table(comparison.models), best=comparison.models.index(chosen))
+    left_out = left_out_table(comparison.models)
+    if left_out.rows:
+        page.subheading("Rms error of each run, predicted by the model fitted to the others [m/s²]")
+        page.result(left_out)
     if comparison.exchanged:
         page.subheading(f"Where {comparison.printed[-1].name} differs")
         page.paragraph("The printed model with one group of parameters from the fit at a time.", note=True)

@@ -14,13 +14,13 @@ from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.core.identification.free_parameters import free_parameter
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, unknown_name
-from shake_ros.data.result_folder import new_folder, write_json
 from shake_ros.declared import DEFAULT_TABLE, free_parameters
 from shake_ros.measured.harmonics import HarmonicProblem, HarmonicRun, PrintedParameters
 from shake_ros.measured.models import HarmonicComparison, MeasuredModel, MeasuredRuns, Variant, compare, study
-from shake_ros.measured.page import comparison_lines, harmonics_chart, measured_page, shown
+from shake_ros.measured.page import harmonics_chart, measured_page, shown
 from shake_ros.report.chart import static_figure
-from shake_ros.report.page import write_page
+from shake_ros.report.page import Page
+from shake_ros.report.result import Result
 from shake_ros.report.result_table import ResultTable
 from shake_ros.settings import find, load_table, read_yaml, save_table
 
@@ -115,7 +115,7 @@ class Extensions:
 
 
 @dataclass(frozen=True, repr=False)
-class MeasuredComparison:
+class MeasuredComparison(Result):
     """Printed and fitted models beside the measured harmonics.
 
     Attributes
@@ -123,6 +123,7 @@ class MeasuredComparison:
     comparison : of all models, run by run, with fits that left a run out.
     """
 
+    numbers = "measured_runs.json"
     comparison: HarmonicComparison
 
     @property
@@ -141,19 +142,21 @@ class MeasuredComparison:
         models = [(m.name, m.account.amplitudes, colour) for m, colour in shown(self.comparison)]
         return static_figure(harmonics_chart(self.comparison.problem, models))
 
-    def report(self, out: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> None:
-        """Write report.html, tables and the fitted table into a new folder; options as of `Discovery.report`."""
-        found = self.comparison
-        comment = f"{found.chosen.name} to the measured runs by measured_runs."
-        with new_folder(Path(out), force=force) as folder:
-            write_page(measured_page(found, command), folder, figures)
-            (folder / "measured_runs.txt").write_text(f"{self!r}\n", encoding="utf-8")
-            write_json(folder / "measured_runs.json", comparison_json(found))
-            (folder / "harmonics.csv").write_text(comparison_csv(found), encoding="utf-8")
-            save_table(folder / "fitted_table.yaml", self.table, comment)
+    def content(self) -> dict[str, Any]:
+        """All models with every run's amplitudes [m/s²], THD as a ratio."""
+        return comparison_json(self.comparison)
 
-    def __repr__(self) -> str:
-        return "\n".join(comparison_lines(self.comparison))
+    @property
+    def page(self) -> Page:
+        """What explains the real table's harmonics, how well, and why not another model."""
+        return measured_page(self.comparison)
+
+    def files(self, work: Path, _: Path, /) -> None:
+        """Write measured_runs.txt, harmonics.csv and the fitted table."""
+        (work / "measured_runs.txt").write_text(f"{self!r}\n", encoding="utf-8")
+        (work / "harmonics.csv").write_text(comparison_csv(self.comparison), encoding="utf-8")
+        comment = f"{self.comparison.chosen.name} to the measured runs by measured_runs."
+        save_table(work / "fitted_table.yaml", self.table, comment)
 
 
 def measured_runs(

@@ -1,10 +1,9 @@
-"""The pages of `identify` and `close_loop`, in the order of an engineer's questions, with the missing force."""
+"""What the page of `close_loop` has of its own: what was found and why, and the missing force."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from itertools import zip_longest
 
 import numpy as np
 
@@ -13,15 +12,10 @@ from shake_ros.core.discovery.closed_form import LearntFunction
 from shake_ros.core.discovery.decision import ForwardStep
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.discovery.problem import ScoredFit
-from shake_ros.core.discovery.verdict import EffectVerdict
 from shake_ros.core.effects import EFFECTS
-from shake_ros.core.failures import RAISING, Failures
-from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recordings import DeclaredModel, Record, longest
-from shake_ros.core.identification.uncertainty import Estimate
 from shake_ros.core.loop.trials import TrackingBenefit
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.explain.diagnosis import Diagnosis
+from shake_ros.data.results import FoundEffect, found_effects
 from shake_ros.explain.latent_force import LatentForce
 from shake_ros.report import charts_fit
 from shake_ros.report.chart import Chart, ChartSeries, Panel
@@ -29,15 +23,10 @@ from shake_ros.report.charts_fit import LABELS, SCALES, SHOWN
 from shake_ros.report.page import Bar, Page
 from shake_ros.report.result_table import percent
 from shake_ros.report.sections import (
-    benefit_section,
     errors_section,
     histories_section,
     hydraulic_table,
-    identified_section,
-    known_section,
-    made_of,
     parameters_side_by_side,
-    remains_section,
     slow_changes_section,
 )
 from shake_ros.report.text import (
@@ -48,7 +37,7 @@ from shake_ros.report.text import (
     largest_force,
     sentence,
     unit_of,
-    verdict_lines,
+    verdict_sentences,
     why_nothing,
 )
 from shake_ros.search.close_loop import LoopClosure
@@ -144,48 +133,8 @@ SIZE = (
 MODELS = ("declared model", "extended model")
 
 
-def identify_page(
-    model: FittedModel,
-    start: TableParameters,
-    declared: DeclaredModel,
-    diagnosis: Diagnosis,
-    estimation: Sequence[Record],
-    validation: Sequence[Record],
-    command: str = "",
-    identified: Sequence[Estimate] = (),
-    data: Prepared | None = None,
-) -> Page:
-    """The page of `identify`; identified, data : of a table without a data sheet."""
-    learn, hold = (", ".join(dict.fromkeys(r.name for r in records)) for records in (estimation, validation))
-    checked = f"; validated on {hold}" if hold else "; there was no validation data"
-    page = Page("The fitted model", f"Estimated from {learn}{checked}.", made_of(command, estimation, validation))
-    page.heading("What was found, and how certain it is")
-    resting = [p.name for p in model.parameters if p.std_error is None]
-    unknown = [p.name for p in model.parameters if p.std_error is not None and p.std_error > abs(p.value)]
-    page.cards(
-        [
-            (percent(mean_error(model.validation or model.estimation)), error_meaning(model)),
-            (
-                f"{len(model.parameters) - len(resting) - len(unknown)} of {len(model.parameters)}",
-                "parameters known to better than their own size",
-            ),
-            (str(len(resting)), f"at a bound or without effect{': ' * bool(resting)}{', '.join(resting)}"),
-        ]
-    )
-    if unknown:
-        page.paragraph(f"Not known from these recordings: {', '.join(unknown)}.")
-    identified_section(page, identified, data)
-    labels = ("as declared", "fitted")
-    bands = histories_section(page, estimation, validation, (start, model.table), declared, labels)
-    errors_section(page, {"fitted": model}, bands, labels)
-    slow_changes_section(page, model.table, [*estimation, *validation])
-    remains_section(page, diagnosis)
-    _parameters(page, {"value": model})
-    known_section(page, diagnosis)
-    return page
-
-
-def _parameters(page: Page, models: Mapping[str, FittedModel]) -> None:
+def parameters_section(page: Page, models: Mapping[str, FittedModel]) -> None:
+    """Parameters of models side by side."""
     page.heading("Parameters")
     parameters_side_by_side(page, models)
     if all("dynamics.beta5" in m.table.fields and m.table.layout.name == "reduced" for m in models.values()):
@@ -214,7 +163,8 @@ def _title(step: ForwardStep, function: LearntFunction | None = None) -> str:
     return f"a function of {depends}" + (f" with the form {function.form.name}" if function else "")
 
 
-def _named(result: LoopClosure) -> str:
+def named(result: LoopClosure) -> str:
+    """What is missing, in a phrase."""
     none = "nothing established" if result.candidates or result.remaining.above_noise else "nothing"
     return ", ".join(_title(step, result.function) for step in result.search.steps) or none
 
@@ -223,12 +173,11 @@ def found_section(page: Page, result: LoopClosure, benefit: TrackingBenefit | No
     """What is missing, how sure that is, and what it is worth, as cards and a sentence each."""
     page.heading("What was found, and how certain it is")
     steps, rest = result.search.steps, result.remaining
-    named = _named(result)
     place = ", ".join(dict.fromkeys(s.chosen.candidate.place for s in steps))
     before, after = (percent(mean_error(m.validation)) for m in (result.baseline, result.final))
     left = f"{rest.ratio:.2f} × noise" if math.isfinite(rest.ratio) else "not known"
     cards = [
-        (named, f"missing from the declared model{f', place: {place}' if place else ''}"),
+        (named(result), f"missing from the declared model{f', place: {place}' if place else ''}"),
         (f"{before} → {after}" if steps else before, error_meaning(result.final)),
         (left, f"what remains: {'above' if rest.above_noise else 'not above'} the noise"),
     ]
@@ -247,11 +196,12 @@ def found_section(page: Page, result: LoopClosure, benefit: TrackingBenefit | No
     page.cards(cards)
     if not steps and not result.candidates:
         page.paragraph(f"Nothing is added: {why_nothing(result)}.")
-    for step, model, verdict in zip_longest(steps, result.models, result.verdicts):
-        sentences = _sentences(verdict) if verdict else []
-        page.paragraph(" ".join([step_text(step, model, verdict, result.function), *sentences]))
+    for effect in found_effects(result):
+        sentences = verdict_sentences(effect.verdict) if effect.verdict else []
+        page.paragraph(" ".join([effect_text(effect, result.function), *sentences]))
     for candidate in result.candidates:
-        page.paragraph(" ".join([f"Not added: {candidate.effect} ({candidate.place}).", *_sentences(candidate)]))
+        sentences = verdict_sentences(candidate)
+        page.paragraph(" ".join([f"Not added: {candidate.effect} ({candidate.place}).", *sentences]))
     if result.with_candidates:
         page.paragraph(_if_added(result))
     if result.search.stopped:
@@ -267,39 +217,28 @@ def _if_added(result: LoopClosure) -> str:
     return f"With {what} in the model the error of {' and '.join(channels)} on validation data would be {left}."
 
 
-def _sentences(verdict: EffectVerdict) -> list[str]:
-    return [sentence(line.strip()) for line in verdict_lines(verdict)]
-
-
-def step_text(
-    step: ForwardStep,
-    model: FittedModel,
-    verdict: EffectVerdict | None = None,
-    function: LearntFunction | None = None,
-) -> str:
+def effect_text(effect: FoundEffect, function: LearntFunction | None = None) -> str:
     """An added effect with its values, and what could replace it, in the final model if there is a verdict."""
-    chosen = step.chosen.candidate
-    own = {f.name for f in chosen.free}
     values = [
         f"{p.name.rpartition('.')[2]} {estimate_text(p)} {unit_of(p.unit)[1]}".rstrip()
-        for p in model.parameters
-        if p.name in own and chosen.effect != "unlisted"
+        for p in effect.parameters
+        if effect.name != "unlisted"
     ]
-    others, refitted = verdict.alternatives if verdict else step.alternatives, len(step.ranking) - 1
-    if others:
-        sure = f"These recordings cannot distinguish it from {', '.join(others)}."
+    refitted = len(effect.step.ranking) - 1
+    if effect.alternatives:
+        sure = f"These recordings cannot distinguish it from {', '.join(effect.alternatives)}."
     elif refitted:
         sure = f"The recordings distinguish it from the {refitted} other effects that were refitted."
     else:
         sure = "No other effect was refitted to free runs in its place."
     shown = f": {', '.join(values)}" if values else ""
-    return f"{_title(step, function)} ({chosen.place}){shown}. {sure}"
+    return f"{_title(effect.step, function)} ({effect.place}){shown}. {sure}"
 
 
 def step_section(page: Page, step: ForwardStep, without: ScoredFit, function: LearntFunction | None = None) -> None:
     """Why this effect and not another."""
     chosen = step.chosen.candidate
-    page.heading(f"Why {_title(step, function)} and not another")
+    page.heading(f"Why {_title(step, function)} and not another", detail=True)
     page.paragraph((EFFECTS[chosen.effect].__doc__ or "").strip().splitlines()[0])
     sizes = [math.sqrt(r.score) for r in step.ranking]
     why = f"It reduces the residual from {_times(math.sqrt(without.score))} to {_times(sizes[0])} times the noise"
@@ -354,7 +293,7 @@ def model_sections(
     felt = f" and {result.noise['acceleration']:.2g} m/s²" if "acceleration" in result.noise else ""
     noise = f" Sensor noise alone: {result.noise['velocity']:.2g} m/s{felt}."
     errors_section(page, dict(zip(MODELS, (result.baseline, result.final), strict=True)), bands, MODELS, noise)
-    slow_changes_section(page, result.final.table, [*learn, *hold, *test])
+    slow_changes_section(page, tables, [*learn, *hold, *test])
     for step, without in zip(result.search.steps, result.search.models, strict=False):
         step_section(page, step, without, result.function)
     depends = [d for s in result.search.steps for d in s.chosen.candidate.depends_on]
@@ -364,46 +303,3 @@ def model_sections(
         runs = charts_fit.free_runs(record, *tables, result.model)
         for chart in charts_fit.residual_charts(record, runs, depends, mass, result.model):
             page.chart(chart)
-
-
-def close_loop_page(
-    result: LoopClosure,
-    learn: Sequence[Record],
-    hold: Sequence[Record],
-    test: Sequence[Record] = (),
-    diagnosis: Diagnosis | None = None,
-    benefit: TrackingBenefit | None = None,
-    command: str = "",
-    identified: Sequence[Estimate] = (),
-    data: Prepared | None = None,
-    failures: Failures = RAISING,
-) -> Page:
-    """The page of `close_loop`; identified, data : without a data sheet. failures : take those of the page too."""
-    named = _named(result)
-    sets = (learn, hold, test)
-    estimation, validation, tested = (", ".join(dict.fromkeys(r.name for r in records)) for records in sets)
-    lead = f"Missing: {named}. Estimated from {estimation}; validated on {validation}"
-    lead += f"; tested on {tested}." if tested else "."
-    page = Page("What the model is missing", lead, made_of(command, *sets), failures)
-    for failure in failures.all:
-        page.paragraph(sentence(f"{failure}; the report is without it"))
-    with page.part("what was found"):
-        found_section(page, result, benefit)
-    with page.part("what the recordings identify"):
-        identified_section(page, identified, data)
-    with page.part("measured against simulated"):
-        model_sections(page, result, *sets)
-    with page.part("what remains"):
-        if diagnosis:
-            remains_section(page, diagnosis, result.remaining.text)
-    with page.part("the force that the model lacks"):
-        force_section(page, result.forces, result.model)
-    with page.part("tracking"):
-        if benefit:
-            benefit_section(page, benefit)
-    with page.part("parameters"):
-        _parameters(page, dict(zip(MODELS, (result.baseline, result.final), strict=True)))
-    with page.part("what the recordings identify"):
-        if diagnosis:
-            known_section(page, diagnosis)
-    return page

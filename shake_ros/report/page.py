@@ -1,17 +1,19 @@
-"""One self-contained HTML page: contents, text, tables and charts, to read and to zoom without a network.
+"""The description of a result: its text, tables and charts, said once, and read on a page or in a terminal.
 
-`write_page` puts it into a result folder, with static copies of its charts where they are wanted.
+`Page.render` makes one self-contained HTML page of it, to read and to zoom without a network; `Page.text` the lines of
+a terminal. `write_page` puts the page into a result folder, with static copies of its charts where they are wanted.
 """
 
 from __future__ import annotations
 
+import copy
 import html
 import itertools
 import json
 import re
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,7 +23,7 @@ import numpy as np
 from shake_ros import __version__
 from shake_ros.core.failures import RAISING, Failures
 from shake_ros.report.chart import Chart, chart_json
-from shake_ros.report.result_table import ResultTable
+from shake_ros.report.result_table import ResultTable, aligned
 from shake_ros.report.text import sentence
 
 WEB = Path(__file__).resolve().parent / "web"
@@ -57,27 +59,34 @@ class Source(NamedTuple):
     rate: float
 
 
-@dataclass(frozen=True)
-class Made:
-    """Where a page comes from. command : line that made it, empty from Python. sources : recordings."""
+class Part(NamedTuple):
+    """A part of a page. text : in a terminal, empty where it is for the page alone. level : 2 or 3 of a heading."""
 
-    command: str = ""
-    sources: tuple[Source, ...] = ()
+    shown: str | Chart
+    text: str = ""
+    level: int = 0
 
 
 class Page:
-    """Collects sections and renders the page."""
+    """Collects sections, and renders them as a page or as text.
 
-    def __init__(self, title: str, lead: str, made: Made | None = None, failures: Failures = RAISING) -> None:
+    Parameters
+    ----------
+    sources : recordings that it was made from.
+    failures : takes those of its parts.
+    """
+
+    def __init__(self, title: str, lead: str, sources: Sequence[Source] = (), failures: Failures = RAISING) -> None:
         self._title, self._lead = title, lead
-        self._made, self._failures = made or Made(), failures
-        self._parts: list[str | Chart] = []
+        self._sources, self._failures = sources, failures
+        self._parts: list[Part] = []
         self._contents: list[tuple[str, str]] = []
+        self._detail = 0  # level of the heading whose section is on the page alone
 
     @property
     def charts(self) -> list[Chart]:
         """The charts in their order, for static copies."""
-        return [part for part in self._parts if isinstance(part, Chart)]
+        return [part.shown for part in self._parts if isinstance(part.shown, Chart)]
 
     @contextmanager
     def part(self, name: str) -> Iterator[None]:
@@ -89,32 +98,40 @@ class Page:
             del self._parts[parts:], self._contents[contents:]
             self.paragraph(sentence(str(failure)))
 
-    def heading(self, text: str) -> None:
-        """A section's heading, with its line in the contents."""
+    def heading(self, text: str, detail: bool = False) -> None:
+        """A section's heading, with its line in the contents; details are for the page alone."""
         name = f"s{len(self._contents) + 1}"
         self._contents.append((name, text))
-        self._parts.append(f"<h2 id='{name}'>{html.escape(text)}</h2>")
+        self._head(f"<h2 id='{name}'>{html.escape(text)}</h2>", text, 2, detail)
 
-    def subheading(self, text: str) -> None:
+    def subheading(self, text: str, detail: bool = False) -> None:
         """A heading within a section."""
-        self._parts.append(f"<h3>{html.escape(text)}</h3>")
+        self._head(f"<h3>{html.escape(text)}</h3>", text, 3, detail)
+
+    def _head(self, shown: str, text: str, level: int, detail: bool) -> None:
+        if not 0 < self._detail < level:
+            self._detail = level if detail else 0
+        self._add(shown, text, level)
+
+    def _add(self, shown: str | Chart, text: str = "", level: int = 0) -> None:
+        self._parts.append(Part(shown, "" if self._detail else text, level))
 
     def paragraph(self, text: str, note: bool = False) -> None:
-        """A paragraph of plain text; a note is quieter."""
-        self._parts.append(f"<p{' class=note' if note else ''}>{_kept(text)}</p>")
+        """A paragraph of plain text; a note is quieter, and for the page alone."""
+        self._add(f"<p{' class=note' if note else ''}>{_kept(text)}</p>", "" if note else text)
 
     def hint(self, text: str) -> None:
         """A paragraph on how to use the page, which paper does not show."""
-        self._parts.append(f"<p class=hint>{_kept(text)}</p>")
+        self._add(f"<p class=hint>{_kept(text)}</p>")
 
     def link(self, text: str, file: str) -> None:
         """A paragraph that leads to another file of the same folder."""
-        self._parts.append(f"<p><a href='{html.escape(file)}'>{html.escape(text)}</a></p>")
+        self._add(f"<p><a href='{html.escape(file)}'>{html.escape(text)}</a></p>")
 
     def cards(self, entries: Sequence[tuple[str, str]]) -> None:
         """A row of (value, meaning) cards."""
         cells = "".join(f"<div class='card'><b>{_breaking(v)}</b><span>{_breaking(m)}</span></div>" for v, m in entries)
-        self._parts.append(f"<div class='cards'>{cells}</div>")
+        self._add(f"<div class='cards'>{cells}</div>", aligned(entries, (False, False)))
 
     def table(
         self,
@@ -136,9 +153,11 @@ class Page:
             cells = "".join(_cell(cell, side) for cell, side in zip(row, left, strict=True))
             body.append(f"<tr{f' class={kind}' if kind else ''}>{cells}</tr>")
         many = " many" if len(head) > MANY else ""
-        self._parts.append(
+        lines = [[cell.replace("\n", " ") for cell in row] for row in ([head] if any(head) else []) + texts]
+        self._add(
             f"<div class='table'><table class='data{many}'><thead><tr>{top}</tr></thead>"
-            f"<tbody>{''.join(body)}</tbody></table></div>"
+            f"<tbody>{''.join(body)}</tbody></table></div>",
+            aligned(lines, [not side for side in left]),
         )
 
     def result(self, table: ResultTable, warn: Collection[int] = (), best: int | None = None) -> None:
@@ -157,7 +176,7 @@ class Page:
                 for v in row
             )
             rows.append(f"<tr><th>{html.escape(name)}</th>{cells}</tr>")
-        self._parts.append(
+        self._add(
             f"<div class='table'><table class='matrix'><thead><tr><th></th>{top}</tr></thead>"
             f"<tbody>{''.join(rows)}</tbody></table></div>".replace("-0.00", "0.00").replace(">-", ">−")
         )
@@ -169,14 +188,42 @@ class Page:
         again = (f"{name}_{k}" for k in itertools.count(2))
         while name in taken:
             name = next(again)
-        self._parts.append(replace(chart, name=name))
+        self._add(replace(chart, name=name))
 
-    def render(self, now: datetime | None = None) -> str:
-        """The whole page; `now` is the date on it, the clock's where not given."""
+    def text(self) -> str:
+        """The same for a terminal: without charts, notes and details."""
+        lines = [self._title, self._lead]
+        for part in self._brief():
+            apart = part.level or ("\n" in lines[-1].strip() and "\n" in part.text)  # two tables
+            lines.append(f"\n{part.text}" if apart else part.text)
+        return "\n".join(lines)
+
+    def brief(self) -> str:
+        """The same for a notebook, as HTML."""
+        return "".join(str(part.shown) for part in self._brief())
+
+    def _brief(self) -> list[Part]:
+        """The parts that have a text, but for headings with nothing below them."""
+        found, below = list[Part](), 2
+        for part in reversed([part for part in self._parts if part.text]):
+            if not part.level or not 0 < below <= part.level:
+                found.append(part)
+                below = part.level
+        return found[::-1]
+
+    def render(self, now: datetime | None = None, command: str = "") -> str:
+        """The whole page.
+
+        Parameters
+        ----------
+        now : the date on it, the clock's where not given. command : line that made it, empty from Python.
+        """
         date = (now or datetime.now(timezone.utc)).strftime("%Y-%m-%d %H:%M UTC")
-        self._made_section(date)
-        contents = "".join(f"<li><a href='#{name}'>{html.escape(text)}</a></li>" for name, text in self._contents)
-        title, sources = html.escape(self._title), self._made.sources
+        whole = copy.copy(self)
+        whole._parts, whole._contents = [*self._parts], [*self._contents]
+        whole._made_section(date, command)
+        contents = "".join(f"<li><a href='#{name}'>{html.escape(text)}</a></li>" for name, text in whole._contents)
+        title, sources = html.escape(self._title), self._sources
         total = sum(s.seconds for s in sources)
         from_what = f" · {len(sources)} recording{'s' * (len(sources) > 1)}, {total:.1f} s" if sources else ""
         return (
@@ -190,18 +237,16 @@ class Page:
             f"<p class='made'>{date} · shake_ros {__version__}{from_what}</p>"
             "<noscript><p>The charts need JavaScript, which this browser has switched off; text and tables work "
             "without.</p></noscript>"
-            + "\n".join(self._drawn())
+            + "\n".join(whole._drawn())
             + f"</main><script>{_web('uPlot.iife.min.js')}</script><script>{_web('charts.js')}</script></body></html>\n"
         )
 
-    def _made_section(self, date: str) -> None:
-        self.heading("Where this comes from")
-        command = f"<code>{html.escape(self._made.command)}</code>" if self._made.command else "from Python"
-        self._parts.append(f"<p>Made {date} by shake_ros {__version__}: {command}</p>")
-        if self._made.sources:
-            rows = [
-                [s.name, s.use, f"{s.seconds:.2f} s", f"{s.samples}", f"{s.rate:.6g} Hz"] for s in self._made.sources
-            ]
+    def _made_section(self, date: str, command: str) -> None:
+        self.heading("Where this comes from", detail=True)
+        line = f"<code>{html.escape(command)}</code>" if command else "from Python"
+        self._add(f"<p>Made {date} by shake_ros {__version__}: {line}</p>")
+        if self._sources:
+            rows = [[s.name, s.use, f"{s.seconds:.2f} s", f"{s.samples}", f"{s.rate:.6g} Hz"] for s in self._sources]
             self.table(("recording", "used for", "length", "samples", "rate"), rows)
 
     def _drawn(self) -> list[str]:
@@ -214,7 +259,7 @@ class Page:
                 break
             block = 2 * block if block > 1 else 4
         left = iter(parts)
-        return [next(left) if isinstance(part, Chart) else part for part in self._parts]
+        return [next(left) if isinstance(part.shown, Chart) else part.shown for part in self._parts]
 
 
 def _web(name: str) -> str:
@@ -249,9 +294,9 @@ def _chart(chart: Chart) -> str:
     )
 
 
-def write_page(page: Page, folder: Path, figures: str | None = None, name: str = "report") -> None:
+def write_page(page: Page, folder: Path, figures: str | None = None, name: str = "report", command: str = "") -> None:
     """Write `name`.html; with `figures` (pdf, svg or png) the charts into the folder `name`_figures as well."""
-    (folder / f"{name}.html").write_text(page.render(), encoding="utf-8")
+    (folder / f"{name}.html").write_text(page.render(command=command), encoding="utf-8")
     if figures:
         from shake_ros.report.chart import save_figures  # brings matplotlib, which is slow to load
 

@@ -11,13 +11,17 @@ Format = Callable[[Any], str]
 
 
 def plain(value: Any) -> str:
-    """A cell: four digits of a number, nothing for what is not there.
+    """A cell: four digits of a number, a dash for what is not there.
 
-    >>> plain(1234.567), plain(None), plain("sine")
-    ('1235', '–', 'sine')
+    >>> plain(1234.567), plain(float("nan")), plain(True), plain(["soft_zone", "dead_volume"]), plain([])
+    ('1235', '–', 'yes', 'soft_zone, dead_volume', 'nothing')
     """
-    if value is None:
+    if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, list):
+        return ", ".join(map(plain, value)) or "nothing"
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
@@ -28,6 +32,15 @@ def percent(value: float | None) -> str:
     ('12.35 %', '–', '–')
     """
     return "–" if value is None or not math.isfinite(value) else f"{100.0 * value:.2f} %"
+
+
+def fixed(digits: int, sign: str = "") -> Format:
+    """A format with so many decimals, a dash where there is no number.
+
+    >>> fixed(2)(0.125), fixed(1, "+")(3.0), fixed(1)(None), fixed(1)(float("nan"))
+    ('0.12', '+3.0', '–', '–')
+    """
+    return lambda value: "–" if value is None or not math.isfinite(value) else f"{value:{sign}.{digits}f}"
 
 
 def aligned(rows: Sequence[Sequence[str]], right: Sequence[bool]) -> str:
@@ -70,8 +83,9 @@ class ResultTable(Mapping[str, Sequence[Any]]):
         self, columns: Sequence[str], rows: Sequence[Sequence[Any]], formats: Mapping[str, Format] | None = None
     ) -> None:
         self.columns = tuple(columns)
-        self.rows = tuple(dict(zip(self.columns, row, strict=True)) for row in rows)
-        self._formats = dict(formats or {})
+        self._values = tuple(map(tuple, rows))
+        self.rows = tuple(dict(zip(self.columns, row, strict=True)) for row in self._values)
+        self._formats = [(formats or {}).get(column, plain) for column in self.columns]
 
     def __getitem__(self, column: str) -> tuple[Any, ...]:
         if column not in self.columns:
@@ -86,18 +100,20 @@ class ResultTable(Mapping[str, Sequence[Any]]):
 
     def cells(self) -> list[list[str]]:
         """The rows as text."""
-        return [[self._formats.get(c, plain)(row[c]) for c in self.columns] for row in self.rows]
+        return [[shown(value) for shown, value in zip(self._formats, row, strict=True)] for row in self._values]
 
-    def _numeric(self, column: str) -> bool:
-        values = [value for value in self[column] if value is not None]
-        return bool(values) and all(isinstance(value, int | float) for value in values)
+    @property
+    def _numeric(self) -> list[bool]:
+        """Which columns are of numbers."""
+        known = [[row[k] for row in self._values if row[k] is not None] for k in range(len(self.columns))]
+        return [bool(values) and all(isinstance(value, int | float) for value in values) for values in known]
 
     def __repr__(self) -> str:
-        return aligned([self.columns, *self.cells()], [self._numeric(c) for c in self.columns])
+        return aligned([self.columns, *self.cells()], self._numeric)
 
     def _repr_html_(self) -> str:
         head = "".join(f"<th>{html.escape(c)}</th>" for c in self.columns)
-        style = [" style='text-align: right'" if self._numeric(c) else "" for c in self.columns]
+        style = [" style='text-align: right'" if right else "" for right in self._numeric]
         body = "".join(
             "<tr>" + "".join(f"<td{s}>{html.escape(c)}</td>" for c, s in zip(row, style, strict=True)) + "</tr>"
             for row in self.cells()

@@ -21,7 +21,7 @@ from shake_ros.explain.diagnosis import Diagnosis
 from shake_ros.explain.prediction import HORIZONS, RATES, Innovations
 from shake_ros.report import charts_fit
 from shake_ros.report.chart import Chart, ChartSeries, Panel
-from shake_ros.report.page import Made, Page, Source
+from shake_ros.report.page import Page, Source
 from shake_ros.report.result_table import percent
 from shake_ros.report.text import (
     bound_text,
@@ -36,7 +36,7 @@ from shake_ros.report.text import (
 
 def innovations_table(page: Page, found: Innovations) -> None:
     """Errors of runs that are corrected towards the measurement, by rate, and of predictions, by horizon."""
-    page.subheading("Error of prediction against horizon")
+    page.subheading("Error of prediction against horizon", detail=True)
     page.paragraph(sentence(found.text))
     page.paragraph(
         "Rms over validation data in multiples of the sensor noise. A corrected run is pulled towards the measurement "
@@ -60,12 +60,12 @@ SLOW_CHANGES = (
 )
 
 
-def slow_changes_section(page: Page, table: TableParameters, records: Sequence[Record]) -> None:
-    """Nuisance parameters of each recording under a table; nothing where none has."""
+def slow_changes_section(page: Page, tables: Sequence[TableParameters], records: Sequence[Record]) -> None:
+    """Nuisance parameters of each recording, and its position error under every table; nothing where none has."""
     if any(record.own for record in records):
         page.subheading("Nuisance parameters of each recording")
         page.paragraph(SLOW_CHANGES)
-        page.result(slow_change_table((table,), records))
+        page.result(slow_change_table(tables, records))
 
 
 ERROR = "Error of the free run: rms(measured − simulated) / rms(measured − mean), simulated from the command alone."
@@ -74,9 +74,7 @@ DRAWN = 8  # recordings with charts of their own
 SHOWN = 2.0  # of the tracked motion at first, about the largest acceleration of the reference [s]
 
 
-def made_of(
-    command: str, estimation: Sequence[Record], validation: Sequence[Record], test: Sequence[Record] = ()
-) -> Made:
+def sources_of(estimation: Sequence[Record], validation: Sequence[Record], test: Sequence[Record] = ()) -> list[Source]:
     """Where the page of a fit comes from: each recording once, with the length of its parts together."""
     found = []
     for use, records in (("estimation", estimation), ("validation", validation), ("test", test)):
@@ -85,7 +83,7 @@ def made_of(
             samples = sum(len(r.commands) for r in parts)
             dt = parts[0].sample_time
             found.append(Source(name, use, samples * dt, samples, 1.0 / dt))
-    return Made(command, tuple(found))
+    return found
 
 
 def histories_section(
@@ -157,7 +155,7 @@ def identified_section(page: Page, identified: Sequence[Estimate], data: Prepare
     page.paragraph("These quantities do not depend on the assumed area and supply pressure.")
     rows = [[p.name, estimate_text(p), unit_of(p.unit)[1]] for p in identified]
     page.table(("quantity", "value", "unit"), rows)
-    page.paragraph("Removed from the recordings:", note=True)
+    page.paragraph("Removed from the recordings:")
     page.result(nuisance_table(data))
     for line in data.changes():
         page.paragraph(sentence(line))
@@ -192,7 +190,7 @@ def errors_section(
     page.result(error_table(models))
     if any(model.test for model in models.values()):
         page.paragraph(f"{TEST} They show how well the model predicts a new recording.", note=True)
-    page.subheading("The same by frequency band")
+    page.subheading("The same by frequency band", detail=True)
     page.paragraph(
         "The residual within the band over the whole measured signal: the squares of a recording's bands add up to the "
         "square of its error.",
@@ -226,10 +224,10 @@ def remains_section(page: Page, diagnosis: Diagnosis, text: str = "") -> None:
     if any(p.shape for p in diagnosis.accounts):
         page.chart(charts_fit.correlation_chart(diagnosis.accounts, True))
         page.chart(charts_fit.correlation_chart(diagnosis.accounts, False))
-    if diagnosis.innovations:
-        innovations_table(page, diagnosis.innovations)
     if diagnosis.backlash:
         page.paragraph(sentence(diagnosis.backlash))
+    if diagnosis.innovations:
+        innovations_table(page, diagnosis.innovations)
 
 
 def known_section(page: Page, diagnosis: Diagnosis) -> None:
@@ -242,6 +240,7 @@ def known_section(page: Page, diagnosis: Diagnosis) -> None:
     page.heading("What to record next")
     page.paragraph(sentence(diagnosis.advice))
     if diagnosis.benefits:
+        page.subheading("Uncertainty with one recording more", detail=True)
         page.paragraph(
             "Uncertainty of each parameter now, and with one recording more, in % of its value, or of its usual size "
             "where that is larger:",

@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from itertools import zip_longest
 
 from shake_ros.core.discovery.closed_form import LearntFunction
-from shake_ros.core.discovery.declared_fit import Errors, FittedModel
+from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.discovery.second_form import LearntChange
 from shake_ros.core.discovery.verdict import EffectVerdict
 from shake_ros.core.identification.axis_model import forecast_errors, position_errors, slow_changes
 from shake_ros.core.identification.nuisances import Prepared
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.uncertainty import Estimate
-from shake_ros.core.loop.trials import TrackingBenefit
 from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.explain.account import verdict
-from shake_ros.explain.diagnosis import Diagnosis
 from shake_ros.explain.latent_force import LatentForce
 from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.search.close_loop import LoopClosure
@@ -134,15 +130,14 @@ def parameter_table(parameters: Sequence[Estimate]) -> ResultTable:
 
 def error_table(models: Mapping[str, FittedModel]) -> ResultTable:
     """Relative errors of free runs by recording, a column for each channel and model."""
-    rows = [row for role in ROLES for row in _error_rows(role, [getattr(m, role) for m in models.values()])]
+    sets = [(role, [getattr(m, role) for m in models.values()]) for role in ROLES]
+    rows = [
+        (name, role, *(errors[name].get(channel) for channel in CHANNELS for errors in of))
+        for role, of in sets
+        for name in of[0]
+    ]
     columns = [f"{channel} {title}".strip() for channel in CHANNELS for title in models]
     return ResultTable(("recording", "data", *columns), rows, dict.fromkeys(columns, percent))
-
-
-def _error_rows(role: str, models: Sequence[Errors]) -> list[tuple[str | float | None, ...]]:
-    return [
-        (name, role, *(errors[name].get(channel) for channel in CHANNELS for errors in models)) for name in models[0]
-    ]
 
 
 def nuisance_table(data: Prepared) -> ResultTable:
@@ -167,15 +162,6 @@ def slow_change_table(tables: Sequence[TableParameters], records: Sequence[Recor
         rows += [(name, *values, *position) for values in nuisances]
     heads = ("recording", "level of friction [-]", "offset [N]", "drift [N/s]", "position error [mm]")
     return ResultTable((*heads, "from its force alone [mm]"), rows)
-
-
-def identified_lines(identified: Sequence[Estimate], data: Prepared) -> list[str]:
-    """What recordings determine of a table without a data sheet, and what was done to them; of others the latter."""
-    if not identified:
-        return [*data.stops]
-    lines = ["", "what the recordings determine, whatever area and pressure are:", str(parameter_table(identified))]
-    lines += ["", "removed from the recordings:", str(nuisance_table(data))]
-    return [*lines, *data.stops, *data.changes()]
 
 
 def function_line(function: LearntFunction) -> str:
@@ -254,11 +240,11 @@ def odds_text(odds: float) -> str:
     return f"{odds:.2g} : 1" if odds < 100.0 else f"{odds:,.0f} : 1".replace(",", " ")
 
 
-def verdict_lines(verdict: EffectVerdict) -> list[str]:
-    """State of an effect with its worth and what rests on a bound."""
+def verdict_sentences(verdict: EffectVerdict) -> list[str]:
+    """State of an effect with its odds, its worth and what rests on a bound."""
     worth = f"without it the error is {verdict.worth:.2f} times as large"
-    lines = [f"  {verdict.state}, odds {odds_text(verdict.odds)}: {verdict.reason}; {worth}"]
-    return lines + [f"  {name} rests on a bound: something else is missing" for name in verdict.bounds]
+    found = f"{verdict.state}, odds {odds_text(verdict.odds)}: {verdict.reason}; {worth}"
+    return [sentence(found), *(f"{name} rests on a bound: something else is missing." for name in verdict.bounds)]
 
 
 def why_nothing(result: LoopClosure) -> str:
@@ -268,58 +254,3 @@ def why_nothing(result: LoopClosure) -> str:
     if result.search.stopped and result.remaining.above_noise:
         return "the search was ended before it had tried all effects"
     return "no effect lowers the error on the validation data"
-
-
-def close_loop_lines(result: LoopClosure) -> list[str]:
-    """Baseline, steps, final and what remains."""
-    lines = ["declared model, error of the free run:", str(error_table({"": result.baseline}))]
-    for step, model, concluded in zip_longest(result.search.steps, result.models, result.verdicts):
-        best, others = step.chosen.candidate, concluded.alternatives if concluded else step.alternatives
-        also = f" (these recordings cannot distinguish it from {', '.join(others)})" if others else ""
-        lines += ["", f"added: {best.effect} ({best.place}){also}"]
-        lines += verdict_lines(concluded) if concluded else []
-        own = {f.name for f in best.free}
-        lines += [str(parameter_table([p for p in model.parameters if p.name in own]))]
-        lines += ["error of the free run:", str(error_table({"": model}))]
-    if not result.search.steps:
-        lines += ["", f"nothing is added: {why_nothing(result)}"]
-    lines += [function_line(result.function)] if result.function else []
-    lines += ["", f"remaining: {result.remaining.text}"]
-    lines += [force_text(result.forces)] if result.forces else []
-    if result.search.stopped:
-        lines.append("the search was ended early; this is the best answer so far")
-    for candidate in result.candidates:
-        lines.append(f"not added: {candidate.effect} ({candidate.place})")
-        lines += verdict_lines(candidate)
-    if result.with_candidates:
-        rows = _error_rows("validation", [result.with_candidates])
-        table = ResultTable(("recording", "data", *CHANNELS), rows, dict.fromkeys(CHANNELS, percent))
-        lines += ["error of the free run with all that is not added:", str(table)]
-    return lines
-
-
-def predictable_lines(result: LoopClosure, diagnosis: Diagnosis) -> list[str]:
-    """What of the residual is predictable at all, in one line; nothing where it is noise."""
-    return [f"predictable: {verdict(diagnosis.accounts)}"] if result.remaining.above_noise else []
-
-
-def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:
-    """What is left of each recording, then what the recordings identify and which one would help."""
-    rows = [(p.label, p.channel, p.ratio, p.noise_share, p.coherent, p.predicted_by) for p in diagnosis.accounts]
-    names = ("residual of", "channel", "× noise", "sensor noise", "linear in command", "predicted by")
-    shown = {"× noise": "{:.2f}".format, "sensor noise": percent, "linear in command": percent}
-    table = ResultTable(names, rows, shown)
-    said = (diagnosis.backlash, diagnosis.identifiability.text, diagnosis.advice)
-    return [str(table), *(sentence(text) for text in said if text)]
-
-
-def _hundredths(share: float) -> str:
-    return f"{100.0 * share:.2f}" if math.isfinite(share) else "lost"
-
-
-def tracking_lines(benefit: TrackingBenefit) -> list[str]:
-    """Tracking errors in the loop under the model before and the model after."""
-    errors = benefit.errors()
-    parts = [f"{name} {' → '.join(_hundredths(e[name]) for e in errors.values())} %" for name in errors["before"]]
-    models = "declared → extended model" + (" → with gains for it" if benefit.tuned else "")
-    return [f"tracking error ({benefit.reference}), {models}: {', '.join(parts)}", *map(sentence, benefit.warnings())]

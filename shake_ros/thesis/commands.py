@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from shake_ros.cli.arguments import CommandLine, add_data, read_data, reporting
+from shake_ros.cli.arguments import CommandLine, add_data, read_data, reported, reporting
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.result_folder import check_folder, refuse_existing, writing
 from shake_ros.measured.runs import measured_runs
@@ -72,11 +72,7 @@ def schedule_command(arguments: Sequence[str]) -> int:
         raise ShakeError("--learn and --hold: both or neither (without them, data are simulated)")
     check_folder(given.out, given.force)
     data = read_data(given) if given.estimation else ()
-    result = schedule(*data, **p.options(given))
-    result.report(given.out, given.force, **reporting(given))
-    print(result)
-    print(f"report: {given.out / 'report.html'}")
-    return 0
+    return reported(schedule(*data, **p.options(given)), given)
 
 
 def measured_runs_command(arguments: Sequence[str]) -> int:
@@ -87,8 +83,4 @@ def measured_runs_command(arguments: Sequence[str]) -> int:
     p.add_figures()
     given = p.read(arguments)
     check_folder(given.out, given.force)
-    found = measured_runs(**p.options(given))
-    found.report(given.out, given.force, **reporting(given))
-    print(found)
-    print(f"report: {given.out / 'report.html'}")
-    return 0
+    return reported(measured_runs(**p.options(given)), given)

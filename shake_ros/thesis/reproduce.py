@@ -20,7 +20,7 @@ from shake_ros.core.quantities import unknown_name
 from shake_ros.data.result_folder import new_folder, write_json
 from shake_ros.declared import free_parameters
 from shake_ros.report.chart import Array, Chart, ChartSeries, Panel
-from shake_ros.report.page import Made, Page, write_page
+from shake_ros.report.page import Page, write_page
 from shake_ros.report.result_table import ResultTable, aligned
 from shake_ros.settings import find, read_yaml
 
@@ -155,9 +155,9 @@ def claim_rows(claims: Sequence[Claim]) -> list[list[str]]:
     return [[*c[:4], c.verdict] for c in claims]
 
 
-def experiment_page(experiment: ExperimentReport, command: str = "") -> Page:
+def experiment_page(experiment: ExperimentReport) -> Page:
     """The page of one experiment."""
-    page = Page(experiment.title, experiment.lead, Made(command))
+    page = Page(experiment.title, experiment.lead)
     page.link("all claims of the chapter", INDEX)
     page.heading("What the thesis says")
     page.table(HEAD, claim_rows(experiment.claims))
@@ -240,14 +240,14 @@ class Reproduction:
         counts = [verdicts.count(v) for v in (True, False, None)]
         return f"{len(verdicts)} claims: {counts[0]} hold, {counts[1]} do not, {counts[2]} cannot be decided."
 
-    def index(self, command: str = "") -> Page:
+    def index(self) -> Page:
         """The page of all claims, and of the figures of the chapter with what draws them or why nothing does."""
-        page = Page("Chapter 6 of the thesis, run again", self.count, Made(command))
+        page = Page("Chapter 6 of the thesis, run again", self.count)
         for name, experiment in self.experiments.items():
             page.heading(experiment.title)
             page.link("its tables, figures and remarks", f"{name}.html")
             page.table(HEAD, claim_rows(experiment.claims))
-        page.heading("Figures of the chapter")
+        page.heading("Figures of the chapter", detail=True)
         page.table(("figure", "drawn by, or why not"), [list(row) for row in figure_list().items()])
         return page
 
@@ -262,20 +262,16 @@ class Reproduction:
     def report(self, out: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> None:
         """Write index.html, a page for each experiment, claims.txt, claims.json, tables.txt; as Discovery.report."""
         with new_folder(Path(out), force=force) as folder:
-            write_page(self.index(command), folder, name="index")
+            write_page(self.index(), folder, name="index", command=command)
             for name, experiment in self.experiments.items():
-                write_page(experiment_page(experiment, command), folder, figures, name)
+                write_page(experiment_page(experiment), folder, figures, name, command)
             (folder / "claims.txt").write_text(f"{self!r}\n", encoding="utf-8")
             (folder / "tables.txt").write_text(self.tables(), encoding="utf-8")
             content = {name: [c._asdict() for c in e.claims] for name, e in self.experiments.items()}
             write_json(folder / "claims.json", {"schema": "shake_ros.reproduce/1", "claims": content})
 
     def __repr__(self) -> str:
-        parts = [self.count]
-        for name, e in self.experiments.items():
-            rows = [HEAD, *claim_rows(e.claims)]
-            parts += ["", f"{e.title} ({name})", aligned(rows, [False] * len(HEAD))]
-        return "\n".join(parts)
+        return self.index().text()
 
 
 def figure_list() -> dict[str, str]:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,12 +20,12 @@ from shake_ros.core.identification.recordings import FULL, Record, relative_erro
 from shake_ros.core.identification.velocity_filter import filtered_velocity
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError, strict_keys
-from shake_ros.data.result_folder import new_folder, write_json
 from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.report.chart import Chart, ChartSeries, Panel, static_figure
-from shake_ros.report.page import Page, write_page
+from shake_ros.report.page import Page
+from shake_ros.report.result import Result
 from shake_ros.report.result_table import ResultTable, percent
-from shake_ros.report.sections import made_of
+from shake_ros.report.sections import sources_of
 from shake_ros.settings import find, load_table, read_yaml
 from shake_ros.thesis.network import WINDOW, SeedResult, Training, pieces, run_scheduled, trained, window_fits
 from shake_ros.thesis.reproduce import Claim, ExperimentReport, Rows, asked_in, noisy, recorded
@@ -172,31 +171,6 @@ def answer(errors: Mapping[str, Mapping[str, Mapping[str, float]]]) -> str:
     return f"{best} leaves {percent(means[best])} of the acceleration unexplained, against {others}."
 
 
-def schedule_page(found: ScheduleComparison, command: str = "") -> Page:
-    """The whole page."""
-    lead = f"{answer(found.content['error'])} Both estimated from the same windows of two seconds."
-    made = made_of(command, (), [c.record for c in found.compared])
-    page = Page("Scheduled parameters or a physical effect?", lead, made)
-    page.paragraph(
-        "The network gives θ_1 … θ_7 for the amplitude and the frequency of the command over the last two seconds; "
-        "the other model has one effect more and a single set of parameters. "
-        "The network has two hidden layers of 100 sigmoid neurons and is trained with Levenberg–Marquardt on the "
-        "parameters fitted to each window, 80 % of them for training, 10 % for stopping, 10 % for testing."
-    )
-    page.heading("Error of the free run on the validation data")
-    page.result(found.error)
-    for k, compared in enumerate(found.compared):
-        if compared.record.acceleration is not None:
-            page.chart(found.running_chart(k))
-    page.heading("The networks on their test windows")
-    page.paragraph(verdict(found.seeds))
-    page.paragraph(TRAINING_ERRORS, note=True)
-    page.result(found.networks)
-    page.result(found.windows)
-    page.chart(learning_chart(found.training))
-    return page
-
-
 TRAINING_ERRORS = "Training errors are mean squares of the scaled error of θ; predicting the mean gives 1."
 CHANNELS = ("velocity", "acceleration")
 KEYS = {
@@ -205,8 +179,8 @@ KEYS = {
 }
 
 
-@dataclass(frozen=True)
-class ScheduleComparison:
+@dataclass(frozen=True, repr=False)
+class ScheduleComparison(Result):
     """One set of parameters, the neural schedule, and the physical effect side by side.
 
     Attributes
@@ -238,7 +212,6 @@ class ScheduleComparison:
         entries = [(one.seed, name, *errors) for one in self.seeds for name, errors in one.errors.items()]
         return ResultTable(("seed", "parameters", *CHANNELS), entries, dict.fromkeys(CHANNELS, percent))
 
-    @property
     def content(self) -> dict[str, Any]:
         """Content of report.json."""
         t, first = self.training, self.compared[0]
@@ -261,26 +234,13 @@ class ScheduleComparison:
     @property
     def error(self) -> ResultTable:
         """Error of the free run over the validation data by model; of the first recording also after its change [-]."""
-        content = self.content
+        content = self.content()
         rows = dict(content["error"])
         for key, title in (("within_window", f"first {WINDOW:g} s after the change"), ("later", "later")):
             if "after_change" in content:
                 rows[title] = content["after_change"][key]
         entries = [(title, name, *map(e.get, CHANNELS)) for title, models in rows.items() for name, e in models.items()]
         return ResultTable(("recording", "model", *CHANNELS), entries, dict.fromkeys(CHANNELS, percent))
-
-    def __str__(self) -> str:
-        t = self.training
-        return "\n".join(
-            [
-                TRAINING_ERRORS,
-                str(self.networks),
-                "error of the free run over the test windows:",
-                str(self.windows),
-                f"error of the free run on the validation data, network of {t.epochs} epochs, kept is {t.kept}:",
-                str(self.error),
-            ]
-        )
 
     def running_chart(self, recording: int) -> Chart:
         """Root mean square of the acceleration's error over SMOOTH, of each model; the blind window shaded."""
@@ -303,13 +263,30 @@ class ScheduleComparison:
         """Running error of the acceleration of all models over a recording, by its number."""
         return static_figure(self.running_chart(recording))
 
-    def report(self, folder: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> Path:
-        """Write report.json and report.html; options as of `Discovery.report`."""
-        page = schedule_page(self, command)
-        with new_folder(Path(folder), force=force) as out:
-            write_json(out / "report.json", self.content)
-            write_page(page, out, figures)
-        return Path(folder)
+    @property
+    def page(self) -> Page:
+        """Which model leaves less, and what the networks learnt."""
+        lead = f"{answer(self.content()['error'])} Both estimated from the same windows of two seconds."
+        sources = sources_of((), [c.record for c in self.compared])
+        page = Page("Scheduled parameters or a physical effect?", lead, sources)
+        page.paragraph(
+            "The network gives θ_1 … θ_7 for the amplitude and the frequency of the command over the last two seconds; "
+            "the other model has one effect more and a single set of parameters. "
+            "The network has two hidden layers of 100 sigmoid neurons and is trained with Levenberg–Marquardt on the "
+            "parameters fitted to each window, 80 % of them for training, 10 % for stopping, 10 % for testing."
+        )
+        page.heading("Error of the free run on the validation data")
+        page.result(self.error)
+        for k, compared in enumerate(self.compared):
+            if compared.record.acceleration is not None:
+                page.chart(self.running_chart(k))
+        page.heading("The networks on their test windows")
+        page.paragraph(verdict(self.seeds))
+        page.paragraph(TRAINING_ERRORS)
+        page.result(self.networks)
+        page.result(self.windows)
+        page.chart(learning_chart(self.training))
+        return page
 
 
 def schedule(
@@ -387,7 +364,7 @@ def run(progress: Progress, settings: str = "neural_schedule") -> ExperimentRepo
 
 
 def _claims(found: ScheduleComparison, good: float) -> list[Claim]:
-    content: dict[str, Any] = found.content
+    content = found.content()
     by_recording, later = content["error"], content["after_change"]["later"]
     effect = next(name for name in later if name not in (ONE, NETWORK))
 

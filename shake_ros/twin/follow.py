@@ -10,19 +10,19 @@ from typing import Any
 
 import numpy as np
 
-from shake_ros.api.fitted import Data, recordings, text_of
+from shake_ros.api.fitted import Data, recordings
 from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.quantities import ShakeError
 from shake_ros.data.recordings import TableRecording
-from shake_ros.data.result_folder import new_folder, write_json
-from shake_ros.report.page import write_page
+from shake_ros.report.page import Page
+from shake_ros.report.result import Result
 from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.settings import load_table, save_table
 from shake_ros.twin.followed import TwinSettings, load_twin
 from shake_ros.twin.months import DAY, Readings, readings
 from shake_ros.twin.naming import Hypothesis
-from shake_ros.twin.page import A_DATE, change_text, instant, month_lines
+from shake_ros.twin.page import A_DATE, change_text, follow_page, instant, month_lines
 from shake_ros.twin.twin import LEARNING, NO_MOTION, Change, Twin, TwinWindow
 
 SCHEMA = "shake_ros.follow/1"
@@ -31,7 +31,7 @@ SAME_RATE = 1e-3  # part by which sample times of recordings may differ
 
 
 @dataclass(frozen=True, repr=False)
-class Following:
+class Following(Result):
     """One table over its recordings.
 
     Attributes
@@ -91,25 +91,18 @@ class Following:
     def lines(self) -> list[str]:
         """What happened, a line for each change and each pause."""
         pauses = [f"paused, {instant(w.start, w.recording, w.at)}: {w.note}" for w in self.windows if w.note]
-        found = [*(change_text(c) for c in self.changes), *pauses] or ["no change"]
         rows = zip(self.months, self.limits, strict=True) if self.months else ()
-        return [*found, *(line for readings, limits in rows for line in month_lines(readings, limits))]
+        months = [line for readings, limits in rows for line in month_lines(readings, limits)]
+        return ([*map(change_text, self.changes), *pauses] or ["no change"]) + months
 
-    def report(self, folder: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> Path:
-        """Write report.json, report.html and table.yaml, the table as it is known at the end.
+    @property
+    def page(self) -> Page:
+        """The changes and what to do about them, each parameter over time."""
+        return follow_page(self)
 
-        `force` replaces an existing folder; `figures` adds static copies of the charts, as "pdf", "svg" or "png";
-        `command` is the line that the page names as its origin.
-        """
-        from shake_ros.twin.page import follow_page
-
-        with new_folder(Path(folder), force=force) as out:
-            save_table(
-                out / "table.yaml", self.table, f"As followed over {', '.join(r.name for r in self.recordings)}."
-            )
-            write_json(out / "report.json", self.content())
-            write_page(follow_page(self, command), out, figures)
-        return Path(folder)
+    def files(self, work: Path, _: Path, /) -> None:
+        """Write table.yaml, the table as it is known at the end."""
+        save_table(work / "table.yaml", self.table, f"As followed over {', '.join(r.name for r in self.recordings)}.")
 
     def content(self) -> dict[str, Any]:
         """Content of report.json."""
@@ -121,9 +114,6 @@ class Following:
             "changes": [_change_json(c) for c in self.changes],
             "months": [_months_json(*row) for row in zip(self.months, self.limits, strict=False)],
         }
-
-    def __repr__(self) -> str:
-        return text_of([("Changes", "\n".join(self.lines)), ("Parameters", self.parameters)])
 
 
 def _name(change: Change) -> str:

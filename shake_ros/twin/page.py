@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shake_ros.report.chart import Chart, ChartSeries, Panel
-from shake_ros.report.page import Made, Page, Source
+from shake_ros.report.page import Page, Source
 from shake_ros.report.result_table import percent
 from shake_ros.report.text import interval_text, rounded, unit_of
 from shake_ros.twin.months import DAY, Readings
@@ -132,17 +132,19 @@ VIEW = 2.0  # of the prediction at first [s]
 TITLES = {"effects.payload_error.mass": "mass beside the declared one", "sensor.delay": "delay of the accelerometer"}
 
 
-def follow_page(found: Following, command: str = "") -> Page:
+def follow_page(found: Following) -> Page:
     """The page."""
     sources = tuple(
         Source(r.name, "followed", len(r) * r.sample_time, len(r), 1.0 / r.sample_time) for r in found.recordings
     )
-    page = Page("Twin", _lead(found), Made(command, sources))
+    page = Page("Twin", _lead(found), sources)
     page.cards(_cards(found))
     page.heading("Changes")
     _changes(page, found)
     page.heading("Parameters over time")
-    page.paragraph("The shaded band is the 90 % interval. A parameter that the motion does not excite keeps its value.")
+    page.paragraph(
+        "The shaded band is the 90 % interval. A parameter that the motion does not excite keeps its value.", note=True
+    )
     page.chart(_curves(found))
     _table(page, found)
     if found.months:
@@ -185,16 +187,9 @@ def _changes(page: Page, found: Following) -> None:
     if not found.changes:
         page.paragraph("None was noticed.")
         return
-    head = ("since", "what", "place", "or one of these", "error before", "since then", "with it", "what to do")
-    rows = [
-        (
-            *(instant(c.since, c.recording, c.at), what_text(c), c.named.place, rivals_text(c) or "–"),
-            *map(percent, c.named.error),
-            action_text(c),
-        )
-        for c in found.changes
-    ]
-    page.table(head, rows, warn=[i for i, c in enumerate(found.changes) if not c.named.explained])
+    for c in found.changes:
+        place = f" Place: {c.named.place}." if c.named.explained else ""
+        page.paragraph(f"{change_text(c)}.{place} What to do: {action_text(c)}.")
     page.paragraph(
         "Error: of the acceleration in free runs, before the change, since then with the old model, and with "
         "the change in the model. A change lies in the window that begins at the first instant. Of several that these "

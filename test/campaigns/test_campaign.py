@@ -63,7 +63,7 @@ def test_a_study_is_run_once_and_then_only_shown(study, tmp_path, processes, cap
     first, printed = rows(out), capsys.readouterr().out
     assert len(first) == 60
     assert "15 3000 0.5 0.28 0.825" in " ".join(printed.split())  # Garwood's interval for 15 events
-    assert "60 of 60 rows" in printed and "50.0 % of 30 (33.2 … 66.8 %)" in printed
+    assert "60 of 60  rows" in printed and "50.0 % of 30 (33.2 … 66.8 %)" in printed
     assert main(["campaign", str(study), "--out", str(out), "--compare", str(out)]) == 0
     assert rows(out) == first
     assert len(processes) == 1

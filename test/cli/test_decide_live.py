@@ -59,7 +59,6 @@ def run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     def call(acknowledge: str, held_at: float = 0.0) -> tuple[Series, Path]:
         series, table = Series(), SimulatedLiveTable(load_table("bergamo"), tmp_path, held_at)
         monkeypatch.setattr(repair, "decide", series)
-        monkeypatch.setattr(repair, "discovery_lines", lambda *_: ["an effect"])
         monkeypatch.setattr(repair, "write_next", lambda _, out: series.designed.append(out.relative_to(tmp_path)))
         monkeypatch.setattr(repair, "live", lambda given: contextlib.nullcontext(table))
         given = argparse.Namespace(out=tmp_path / "out", acknowledge=acknowledge, most=2, minutes=None, force=False)

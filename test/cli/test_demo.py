@@ -184,9 +184,10 @@ def test_tracking_error_of_a_motion_that_falls_short_is_its_share(tmp_path: Path
 
 
 def test_summary_keeps_the_contract_and_tells_right_from_wrong(measured: MeasuredRuns, tmp_path: Path) -> None:
-    tracks = {name: track_of(followed(tmp_path / name, share)) for name, share in (("before", 0.05), ("after", 0.01))}
-    result = with_test(command("spool_deadband").result, [recording("spool_deadband", 3, "third")])
-    found = DemoResult(measured, "spool_deadband", result, [], [], [], tracks)
+    shares = zip(demo.MODELS, (0.05, 0.01), strict=True)
+    tracks = {name: track_of(followed(tmp_path / name.replace(" ", "_"), share)) for name, share in shares}
+    done, third = command("spool_deadband"), [recording("spool_deadband", 3, "third")]
+    found = DemoResult(measured, "spool_deadband", with_test(done.result, third), done.learn, done.hold, third, tracks)
     summary = demo.summarise(found, 101.25)
     assert set(summary) == {"harmonics", "hidden", "tracking", "seconds"}
     assert set(summary["harmonics"]) == {"baseline_rms", "effect", "final_rms"}
@@ -196,19 +197,20 @@ def test_summary_keeps_the_contract_and_tells_right_from_wrong(measured: Measure
         assert summary["hidden"][f"{role}_after"] < 0.1 * summary["hidden"][f"{role}_before"]
     assert summary["tracking"] == pytest.approx({"before": 0.05, "after": 0.01}, rel=1e-3)
     assert summary["seconds"] == pytest.approx(101.2, abs=0.06)
-    text = demo.lines(found, summary)
-    assert "named: spool_deadband (right)" in text
-    assert "5.00 → 1.00 % of the position" in text
-    assert f"test:           {100 * summary['hidden']['test_before']:.2f} → " in text
+    text = " ".join(demo.demo_page(found, summary).text().split())
+    assert "spool_deadband found from the recordings; the hidden effect was spool_deadband" in text
+    assert "5.00 % → 1.00 % position error under the earthquake" in text
+    assert f" {100 * summary['hidden']['test_before']:.2f} % → " in text
 
 
 def test_summary_says_that_nothing_was_named(measured: MeasuredRuns, tmp_path: Path) -> None:
     track = track_of(followed(tmp_path / "run", 0.05))
-    result = with_test(command("nothing").result, [recording("nothing", 3, "third")])
-    found = DemoResult(measured, "soft_zone", result, [], [], [], {"before": track, "after": track})
+    done, third = command("nothing"), [recording("nothing", 3, "third")]
+    result, tracks = with_test(done.result, third), dict.fromkeys(demo.MODELS, track)
+    found = DemoResult(measured, "soft_zone", result, done.learn, done.hold, third, tracks)
     summary = demo.summarise(found, 1.0)
     assert summary["hidden"]["named"] is None
-    assert "named: nothing (not the hidden one)" in demo.lines(found, summary)
+    assert "found from the recordings; the hidden effect was soft_zone" in demo.demo_page(found, summary).text()
 
 
 def test_run_over_dds_leaves_a_recording_that_a_fit_can_read(

@@ -14,11 +14,10 @@ from closed_loops import LEAN, bag
 
 from shake_ros import __main__
 from shake_ros.api import close_loop as verb
-from shake_ros.cli import repair as cli
 from shake_ros.declared import effect_candidates, model_structure
 from shake_ros.fit.likelihood import Levels
 from shake_ros.fit.model import FreeModel
-from shake_ros.report import close_loop_page
+from shake_ros.report.page import Page
 from shake_ros.search import close_loop as closing
 from shake_ros.search import loop
 from shake_ros.search.candidates import listed
@@ -39,10 +38,10 @@ STEPS: list[tuple[ModuleType, str, str]] = [
     (verb, "tracking", "tracking"),
     (verb, "diagnose", "diagnosis"),
     (verb, "diagnosis_json", "diagnosis.json"),
-    (close_loop_page, "found_section", "page, what was found"),
-    (close_loop_page, "model_sections", "page, measured against simulated"),
-    (close_loop_page, "close_loop_page", "page"),
-    (cli, "discovery_lines", "text"),
+    (verb, "found_section", "page, what was found"),
+    (verb, "model_sections", "page, measured against simulated"),
+    (verb, "write_page", "page"),
+    (Page, "text", "text"),
 ]
 FIRST = ("search", "verdicts", "final fit", "diagnosis", "page", "text")  # the others are of the second tier
 CASES = [pytest.param(*one, id=one[2], marks=[] if one[2] in FIRST else pytest.mark.second_tier) for one in STEPS]

@@ -37,7 +37,7 @@ def test_an_experiment_gives_its_page_the_claims_and_their_count(
     }  # fmt: skip
     assert (out / "tables.txt").read_text().startswith("Spread of the motion")
     claims = json.loads((out / "claims.json").read_text())["claims"]["sensitivity"]
-    assert said.startswith(f"{len(claims)} claims: ")
+    assert said.splitlines()[1].startswith(f"{len(claims)} claims: ")
     assert [c["holds"] for c in claims] == [False, False, True, True, True, True]  # table 6.8, then table 6.9
     assert (out / "sensitivity.html").read_text().count("<figure class='chart'") == 12
     assert "<a href='sensitivity.html'>" in (out / "index.html").read_text()

@@ -18,7 +18,8 @@ from shake_ros.core.identification.recordings import FULL, Record
 from shake_ros.data.results import diagnosis_json
 from shake_ros.explain.backlash import SHARE, share_of_dwells, width_of_gap
 from shake_ros.explain.diagnosis import diagnose
-from shake_ros.report.text import diagnosis_lines
+from shake_ros.report.page import Page
+from shake_ros.report.sections import remains_section
 from shake_ros.settings import load_table
 
 
@@ -60,5 +61,7 @@ def test_the_report_states_it_where_the_model_has_no_backlash(lacks: bool, said:
     free = FreeParameters(table, declared.free_parameters(FULL))
     fitted_once = fit(RecordingProblem(found), free, free.start(), evaluations=1)
     diagnosis = diagnose(fitted_once, found, (), ())
-    assert any("look for backlash" in line for line in diagnosis_lines(diagnosis)) is said
+    page = Page("a", "b")
+    remains_section(page, diagnosis)
+    assert ("look for backlash" in page.text()) is said
     assert ("look for backlash" in diagnosis_json(diagnosis)["text"]) is said

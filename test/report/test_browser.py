@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from shake_ros.report.chart import Chart, ChartSeries, Panel
-from shake_ros.report.page import Made, Page, Source
+from shake_ros.report.page import Page, Source
 
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
 if not (CHROMIUM and DRIVER):
@@ -33,8 +33,8 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     measured = np.sin(2.0 * np.pi * time)
     measured[SPIKE] = 5.0
     rest = 0.1 * np.sin(7.0 * time)
-    made = Made("./shake x", (Source("run1", "validation", 60.0, SAMPLES, 1000.0),))
-    page = Page("A report", "A lead with benchmarks.discovery.foreign_study:measure", made)
+    sources = (Source("run1", "validation", 60.0, SAMPLES, 1000.0),)
+    page = Page("A report", "A lead with benchmarks.discovery.foreign_study:measure", sources)
     page.heading("Curves")
     page.hint("Drag over a chart to zoom.")
     curves = (ChartSeries("measured", measured, "measured"), ChartSeries("model", measured, "after", minus=rest))

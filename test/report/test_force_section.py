@@ -127,7 +127,7 @@ def test_close_loop_writes_the_force_of_every_recording() -> None:
     assert told["hold"]["unit"] == "N"
     assert told["hold"]["rms"] < told["hold"]["peak"]
     assert told["hold"]["share_of_inertia"] < 0.03
-    assert "the force that the model lacks is zero within its 90 % band" in done.printed
+    assert "The force that the model lacks is zero within its 90 % band" in done.printed
     page = read_page((done.out / "report.html").read_text(encoding="utf-8"))
     assert "The force that the model lacks" in page.headings
 

@@ -19,10 +19,11 @@ from shake_ros.core.discovery.closed_form import LearntFunction, fitted_forms
 from shake_ros.core.discovery.verdict import EffectVerdict
 from shake_ros.core.identification.recordings import Record
 from shake_ros.core.identification.uncertainty import Estimate
+from shake_ros.data.results import found_effect
 from shake_ros.report import charts_fit, text
 from shake_ros.report.chart import Chart, ChartSeries, Panel, packed, save_figures, static_figure
-from shake_ros.report.close_loop_page import close_loop_page, found_section, step_text
-from shake_ros.report.page import LARGEST, Bar, Made, Page, Source
+from shake_ros.report.close_loop_page import effect_text, found_section, model_sections
+from shake_ros.report.page import LARGEST, Bar, Page, Source
 from shake_ros.report.sections import hydraulic_table
 from shake_ros.report.text import estimate_text, unit_of
 
@@ -46,14 +47,14 @@ def unpacked(column: object) -> np.ndarray:
 
 
 def test_page_is_one_file_with_its_charts_inside() -> None:
-    page = Page("Title", "Lead", Made("./shake x --out y", (Source("run1", "estimation", 2.0, 2000, 1000.0),)))
+    page = Page("Title", "Lead", [Source("run1", "estimation", 2.0, 2000, 1000.0)])
     page.heading("One")
     page.paragraph("Text")
     page.cards([("3 mm", "error")])
     page.table(["a", "b"], [["1", Bar(0.5, "2")], ["3", "4"]], best=1, warn=[0])
     page.matrix(["p", "q"], np.array([[1.0, -0.5], [-0.5, np.nan]]))
     page.chart(line())
-    made = page.render(NOON)
+    made = page.render(NOON, "./shake x --out y")
     reader = read_page(made)
     assert reader.headings == ["One", "Where this comes from"]
     assert reader.rows[:3] == [["a", "b"], ["1", "2"], ["3", "4"]]
@@ -66,16 +67,41 @@ def test_page_is_one_file_with_its_charts_inside() -> None:
 
 def test_names_with_markup_are_shown_and_not_executed() -> None:
     evil = "</script><script>alert('x')</script> & \"quoted\""
-    page = Page(evil, evil, Made(evil))
+    page = Page(evil, evil)
     page.heading(evil)
     page.paragraph(evil)
     page.cards([(evil, evil)])
     page.table([evil], [[evil]])
     page.chart(dataclasses.replace(line(), caption=evil, x=evil))
-    reader = read_page(page.render())
+    reader = read_page(page.render(command=evil))
     assert evil in reader.words
     assert reader.charts[0]["x"] == evil
     assert "alert" not in reader.code
+
+
+def test_terminal_shows_what_the_page_shows_but_charts_notes_and_details() -> None:
+    page = Page("Title", "Lead")
+    page.heading("Charts alone")
+    page.subheading("One")
+    page.chart(line())
+    page.heading("Found")
+    page.paragraph("A note", note=True)
+    page.cards([("3 mm", "error"), ("coulomb_friction", "missing")])
+    page.table(["run", "error"], [["a", Bar(0.5, "1.5 %")], ["bc", "12.0 %\nat its bound"]])
+    page.subheading("More", detail=True)
+    page.paragraph("for the page")
+    page.subheading("Again")
+    page.paragraph("for both")
+    page.heading("Details", detail=True)
+    page.subheading("of them")
+    page.paragraph("for the page")
+    assert page.text() == (
+        "Title\nLead\n\nFound\n3 mm              error\ncoulomb_friction  missing\n\n"
+        "run                error\na                  1.5 %\nbc   12.0 % at its bound\n\nAgain\nfor both"
+    )
+    assert "class=note" not in page.brief()
+    assert page.render(NOON) == page.render(NOON)
+    assert "for the page" in page.render()
 
 
 def test_same_data_give_the_same_bytes_but_for_the_date(tmp_path: Path) -> None:
@@ -152,6 +178,7 @@ def test_page_of_a_closed_loop_answers_in_the_order_of_the_questions() -> None:
         "How much the extended model improves tracking",
         "Parameters",
         "What to record next",
+        "Observer and controller for the table",
         "Where this comes from",
     ]
     assert "Missing: spool_deadband." in reader.words
@@ -190,7 +217,9 @@ def test_page_of_recordings_without_accelerometer_is_drawn() -> None:
     done = command("nothing")
     blind = [Record(r.name, r.sample_time, r.commands, r.position) for r in done.hold]
     noise = {"velocity": done.result.noise["velocity"]}
-    reader = read_page(close_loop_page(dataclasses.replace(done.result, noise=noise), blind, blind).render())
+    page = Page("a", "b")
+    model_sections(page, dataclasses.replace(done.result, noise=noise), blind, blind)
+    reader = read_page(page.render())
     panels = [panel["y"] for chart in reader.charts for panel in chart["panels"]]
     assert "velocity [m/s]" in panels and "acceleration [m/s²]" not in panels
 
@@ -282,16 +311,19 @@ def test_lines_of_the_terminal_hold_values_errors_and_alternatives() -> None:
     assert "at bound" in str(text.parameter_table([Estimate("x", 1.0, None, "N")]))
     (verdict,) = done.result.verdicts
     verdicts = (dataclasses.replace(verdict, alternatives=("slow_valve",)),)
-    told = "\n".join(text.close_loop_lines(dataclasses.replace(done.result, verdicts=verdicts)))
-    assert "(these recordings cannot distinguish it from slow_valve)" in told
+    page = Page("a", "b")
+    found_section(page, dataclasses.replace(done.result, verdicts=verdicts), None)
+    assert "These recordings cannot distinguish it from slow_valve." in page.text()
 
 
 def test_effect_that_shows_is_not_reported_as_distinguished_from_untried_ones() -> None:
     done = command("spool_deadband").result
     (step,) = done.search.steps
-    alone, beside = (dataclasses.replace(step, ranking=(step.chosen,) * n) for n in (1, 3))
-    assert "No other effect was refitted to free runs in its place." in step_text(alone, done.final)
-    assert "from the 2 other effects" in step_text(beside, done.final)
+    alone, beside = (
+        effect_text(found_effect(dataclasses.replace(step, ranking=(step.chosen,) * n), done.final)) for n in (1, 3)
+    )
+    assert "No other effect was refitted to free runs in its place." in alone
+    assert "from the 2 other effects" in beside
 
 
 def test_unlisted_function_is_described_by_what_it_depends_on_and_its_form() -> None:
@@ -305,7 +337,7 @@ def test_unlisted_function_is_described_by_what_it_depends_on_and_its_form() -> 
     values = 9e5 * np.sign(at) * np.maximum(np.abs(at) - 0.01, 0.0)
     form = fitted_forms(at, values, deviations)[0]
     function = LearntFunction("position", "force", "N", at, values, deviations, form)
-    told = step_text(dataclasses.replace(step, chosen=chosen), done.final, None, function)
+    told = effect_text(found_effect(dataclasses.replace(step, chosen=chosen), done.final), function)
     assert told.startswith("a function of load pressure with the form stops (force). ")
 
 

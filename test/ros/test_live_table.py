@@ -115,7 +115,6 @@ def test_what_a_design_asks_for_is_released_played_recorded_and_decided_upon(ros
         return NextRecording(("other",), shown, limits, DT, answers=(("a",), ("b",)))
 
     monkeypatch.setattr(designs, "next_recording", asked)
-    monkeypatch.setattr(repair, "discovery_lines", lambda *_: ["found"])
     found, out = Answer(), tmp_path / "out"
     found.report(out)
     given = Namespace(

@@ -11,7 +11,6 @@ from shake_ros.thesis.schedule import (
     ValidationRuns,
     answer,
     learning_chart,
-    schedule_page,
     verdict,
 )
 
@@ -44,7 +43,7 @@ def test_the_page_has_every_seed_and_both_charts() -> None:
     record = Record("run", 1e-3, 0.1 * np.sin(6.0 * time), 0.01 * np.sin(6.0 * time), np.cos(6.0 * time))
     runs = {name: np.zeros((3000, 7)) for name in ("one set", "schedule", "soft_zone")}
     found = ScheduleComparison([seed(1, 0.2), seed(7, 0.25)], [ValidationRuns(record, runs)], None)
-    page = schedule_page(found)
+    page = found.page
     text = page.render()
     assert "100 sigmoid neurons" in text
     assert ">7<" in text
