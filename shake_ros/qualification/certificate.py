@@ -8,24 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from shake_ros.report.chart import (
-    AFTER,
-    BEFORE,
-    COLOURS,
-    GREY,
-    Chart,
-    ChartSeries,
-    Panel,
-    name_decades,
-    new_figure,
-    tidy,
-)
+from shake_ros.iteration.iterate import error_chart
+from shake_ros.report.chart import AFTER, BEFORE, GREY, Chart, ChartSeries, Panel, draw
 from shake_ros.report.page import Page
 
 if TYPE_CHECKING:
@@ -33,19 +22,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 BAND = 0.9, 1.3  # of the RRS, drawn as the tolerance band
-
-
-def spectra_axes(axes: Axes, found: Qualification) -> None:
-    """RRS with its band from 0.9 to 1.3, and TRS of the last run."""
-    last = found.assessment
-    f, required = last.frequencies, last.required
-    axes.fill_between(f, BAND[0] * required, BAND[1] * required, color=GREY, alpha=0.25, label="0.9 to 1.3 RRS")
-    axes.loglog(f, required, color=COLOURS[1], linewidth=2.0, label="required, RRS")
-    axes.loglog(f, last.found, color=COLOURS[0], linewidth=1.4, label="test, TRS")
-    for side in (axes.xaxis, axes.yaxis):
-        name_decades(side)
-    tidy(axes, "frequency [Hz]", "absolute acceleration [m/s²]")
-    axes.legend(frameon=False)
 
 
 def motions(found: Qualification) -> dict[str, Array]:
@@ -62,33 +38,6 @@ def motions(found: Qualification) -> dict[str, Array]:
     }
 
 
-def motion_axes(axes: Sequence[Axes], found: Qualification) -> None:
-    """As many of `motions` as there are axes."""
-    for place, (label, signal) in zip(axes, motions(found).items(), strict=False):
-        place.plot(np.arange(len(signal)) * found.sample_time, signal, color=COLOURS[0], linewidth=0.6)
-        tidy(place, "time [s]" if place is axes[-1] else "", label)
-
-
-def convergence_axes(axes: Axes, found: Qualification) -> None:
-    """Error of the spectrum, run by run."""
-    numbers = np.arange(1, len(found.runs) + 1)
-    axes.plot(numbers, [100.0 * run.error for run in found.runs], "o-", color=COLOURS[0])
-    axes.set_ylim(bottom=0.0)
-    axes.set_xticks(numbers)
-    tidy(axes, "run", "spectrum missed, rms of ln [%]")
-
-
-def qualification_figure(found: Qualification) -> Figure:
-    """Spectra, motion and convergence in one figure."""
-    figure = new_figure(10.0, 6.0)
-    top, bottom = np.atleast_1d(np.asarray(figure.subfigures(2, 1, height_ratios=(3, 2)), dtype=object))
-    spectra_axes(top.subplots(), found)
-    left, right = bottom.subplots(1, 2, width_ratios=(3, 1))
-    motion_axes([left], found)
-    convergence_axes(right, found)
-    return figure
-
-
 A4 = 8.27, 11.69  # [inch]
 TEXT_CELLS = "table.data td { white-space: normal; overflow-wrap: anywhere }"
 # of a sequence: dates whole, and words to the left that begin with a number
@@ -100,7 +49,12 @@ MARGIN, LINE = 0.09, 0.0145  # of the page
 
 def certificate_pages(found: Qualification, sums: Mapping[str, str], folder: Path) -> None:
     """Write certificate.html and certificate.pdf; sums : of the recordings' files."""
-    (folder / "certificate.html").write_text(_html(found, sums), encoding="utf-8")
+    page = certificate_page(found)
+    page.heading("Recordings")
+    page.table(("file", "SHA-256"), list(sums.items()))
+    page.paragraph("./shake qualify --from THIS_FOLDER checks these sums and the recordings again.")
+    content = page.render().replace("</style>", f"{TEXT_CELLS}</style>", 1)
+    (folder / "certificate.html").write_text(content, encoding="utf-8")
     with PdfPages(folder / "certificate.pdf", metadata={"Title": _title(found), "CreationDate": None}) as pdf:
         figures = [_first(found), _spectra(found), _motion(found), *_files(sums)]
         for number, figure in enumerate(figures, start=1):
@@ -139,7 +93,7 @@ def _resonances(found: Qualification) -> list[tuple[str, str, str, str, str]]:
             for r in search.resonances
         ]
         if not search.resonances:
-            rows.append((name, "none", "–", "–", coherence))
+            rows.append((name, str(search), "–", "–", coherence))
     return rows
 
 
@@ -164,8 +118,8 @@ RESONANCES = ("resonance search", "frequency", "damping", "moving mass", "cohere
 SHIFTS = ("resonance before", "after", "frequency moved", "damping moved")
 
 
-def _charts(found: Qualification) -> tuple[Chart, Chart]:
-    """Spectra and motion, to zoom on the page."""
+def charts(found: Qualification) -> tuple[Chart, Chart, Chart]:
+    """Spectra, motion, and the error of the spectrum run by run."""
     last = found.assessment
     f, required = last.frequencies, last.required
     band = [ChartSeries(f"{share:g} RRS", share * required, "grey", kind="dashed") for share in BAND]
@@ -174,21 +128,24 @@ def _charts(found: Qualification) -> tuple[Chart, Chart]:
         ChartSeries("required, RRS", required, "before", width=2.4),
         ChartSeries("test, TRS", last.found, "c0", width=1.8),
     )
-    spectra = Panel("absolute acceleration [m/s²]", f, curves, log=True, height=320)
+    spectra = Panel("absolute acceleration [m/s²]", f, curves, log=True, height=320, band=(1, 0))
     grid = "Required and test response spectrum of the last run on the code's own grid"
     panels = tuple(
         Panel(label, np.arange(len(values)) * found.sample_time, (ChartSeries(label, values, "c0"),))
         for label, values in motions(found).items()
     )
+    errors = [run.error for run in found.runs]
     caption = "Measured acceleration of the last run; velocity and displacement from it, high-passed at "
     return (
         Chart("spectra", "frequency [Hz]", (spectra,), grid, log_x=True),
         Chart("motion", "time [s]", panels, f"{caption}{_drift(found):.2g} Hz"),
+        error_chart([str(k + 1) for k in range(len(errors))], [("spectrum missed, rms of ln", errors, "c0")]),
     )
 
 
-def _html(found: Qualification, sums: Mapping[str, str]) -> str:
-    spectra, history = _charts(found)
+def certificate_page(found: Qualification) -> Page:
+    """What was tested, rule by rule and run by run."""
+    spectra, history, errors = charts(found)
     page = Page(_title(found), f"{found.required.name}, assessed by {found.rules.name}")
     page.heading("What was tested")
     page.table(("", ""), _facts(found))
@@ -200,6 +157,8 @@ def _html(found: Qualification, sums: Mapping[str, str]) -> str:
     page.chart(history)
     page.heading("Runs")
     page.result(found.error)
+    if len(found.runs) > 1:
+        page.chart(errors)
     if _resonances(found):
         page.heading("Resonance searches")
         page.table(RESONANCES, _resonances(found))
@@ -207,10 +166,7 @@ def _html(found: Qualification, sums: Mapping[str, str]) -> str:
             page.table(SHIFTS, _shifts(found))
         search = found.about.get("search", "a low motion")
         page.paragraph(f"From the force of the cylinder over the table's acceleration under {search}.")
-    page.heading("Recordings")
-    page.table(("file", "SHA-256"), list(sums.items()))
-    page.paragraph("./shake qualify --from THIS_FOLDER checks these sums and the recordings again.")
-    return page.render().replace("</style>", f"{TEXT_CELLS}</style>", 1)
+    return page
 
 
 def sequence_page(content: Mapping[str, Any]) -> str:
@@ -253,9 +209,15 @@ def sequence_page(content: Mapping[str, Any]) -> str:
 
 
 def _sheet(title: str) -> Figure:
-    figure = Figure(figsize=A4)
+    figure = Figure(figsize=A4, layout="constrained")
     figure.text(MARGIN, 0.945, title, fontsize=13, weight="bold")
     return figure
+
+
+def _draw(chart: Chart, figure: Figure, top: float, bottom: float) -> None:
+    """A chart between two heights of a sheet."""
+    rows = figure.add_gridspec(3, 3, height_ratios=(1.0 - top, top - bottom, bottom), width_ratios=(0.06, 0.88, 0.06))
+    draw(chart, figure.add_subfigure(rows[1, 1]))
 
 
 def _rows(
@@ -294,23 +256,22 @@ def _first(found: Qualification) -> Figure:
 
 
 def _spectra(found: Qualification) -> Figure:
+    spectra, _, errors = charts(found)
     figure = _sheet("Required and test response spectrum")
-    spectra_axes(figure.add_axes((0.13, 0.55, 0.76, 0.36)), found)
+    _draw(spectra, figure, 0.92, 0.52)
     top = _rows(figure, 0.49, [found.error.columns, *found.error.cells()], (8, 24, 24, 24, 20))
     if _resonances(found):
         top = _rows(figure, top, [RESONANCES, *_resonances(found)], (26, 20, 18, 20, 16))
         if _shifts(found):
             top = _rows(figure, top, [SHIFTS, *_shifts(found)], (26, 20, 26, 28))
     if len(found.runs) > 1:
-        place = figure.add_axes((0.13, 0.08, 0.4, min(0.2, top - 0.12)))
-        convergence_axes(place, found)
+        _draw(errors, figure, min(top, 0.28), 0.06)
     return figure
 
 
 def _motion(found: Qualification) -> Figure:
     figure = _sheet("Motion of the last run")
-    places = [figure.add_axes((0.13, y, 0.76, 0.24)) for y in (0.68, 0.39, 0.10)]
-    motion_axes(places, found)
+    _draw(charts(found)[1], figure, 0.92, 0.06)
     return figure
 
 

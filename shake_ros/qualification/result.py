@@ -16,6 +16,7 @@ from shake_ros.data.result_folder import new_folder, write_json, writing
 from shake_ros.qualification.assessment import Rules, SpectrumAssessment, Tested, tested
 from shake_ros.qualification.required import RequiredSpectrum
 from shake_ros.qualification.resonance import Resonance, ResonanceSearch, SearchBand, Shift
+from shake_ros.report.chart import static_figure
 from shake_ros.report.result_table import ResultTable
 
 if TYPE_CHECKING:
@@ -102,14 +103,15 @@ class Qualification:
         return ResultTable(("rule", "asked", "measured", ""), rows)
 
     def __repr__(self) -> str:
-        end = "PASSED" if self.passed else f"NOT PASSED: {self.reason or self.moved or 'a rule does not hold'}"
-        return f"{self.required.name}, {self.rules.name}: {end}\n{self.verdicts!r}\n{self.error!r}"
+        from shake_ros.qualification.certificate import certificate_page
+
+        return certificate_page(self).text()
 
     def plot(self) -> Figure:
         """Required and test response spectrum, motion and convergence."""
-        from shake_ros.qualification.certificate import qualification_figure
+        from shake_ros.qualification.certificate import charts
 
-        return qualification_figure(self)
+        return static_figure(*charts(self))
 
     def content(self, sums: dict[str, str]) -> dict[str, Any]:
         """certificate.json."""

@@ -18,7 +18,7 @@ from shake_ros.data.recordings import TableRecording
 if TYPE_CHECKING:  # loaded where a figure is drawn: it takes longer than all else
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, FigureBase
 
 Array = NDArray[np.floating[Any]]
 FORMATS = ("pdf", "svg", "png")  # of static copies
@@ -215,10 +215,12 @@ def tidy(axes: Axes, x: str, y: str, title: str = "") -> None:
 
 
 def name_decades(axis: Axis) -> None:
-    """1, 2 and 5 of each decade on a logarithmic axis, as plain numbers."""
+    """1, 2 and 5 of each decade on a logarithmic axis of three or less, as plain numbers."""
     from matplotlib.ticker import NullFormatter
 
     low, high = axis.get_view_interval()
+    if high > 1e3 * low:
+        return
     marks = [m * 10.0**k for k in range(-9, 10) for m in (1.0, 2.0, 5.0) if low <= m * 10.0**k <= high]
     axis.set_minor_formatter(NullFormatter())
     axis.set_ticks(marks, [f"{m:g}" for m in marks])
@@ -235,10 +237,19 @@ POINT = 0.72  # of a line's width in pixels [point]
 UNDATED = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": None}
 
 
-def static_figure(chart: Chart) -> Figure:
-    """The chart at its first view."""
+def static_figure(*charts: Chart) -> Figure:
+    """Charts at their first view, one below the other."""
+    heights = [0.5 + sum(p.height for p in chart.panels) / 80.0 for chart in charts]
+    figure = new_figure(9.5, sum(heights))
+    parts = figure.subfigures(len(charts), 1, squeeze=False, height_ratios=heights)
+    for chart, part in zip(charts, parts[:, 0], strict=True):
+        draw(chart, part)
+    return figure
+
+
+def draw(chart: Chart, figure: FigureBase) -> None:
+    """Draw the chart at its first view into a figure, or into a part of one."""
     heights = [p.height for p in chart.panels]
-    figure = new_figure(9.5, 0.5 + sum(heights) / 80.0)
     rows = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
     for axes, panel in zip(rows, chart.panels, strict=True):
         seen = np.ones(len(panel.x), dtype=bool)
@@ -265,13 +276,14 @@ def static_figure(chart: Chart) -> Figure:
             axes.axvspan(*span, color=GREY, alpha=0.2, linewidth=0.0)
         if panel.log:
             axes.set_yscale("log")
+            name_decades(axes.yaxis)
         if chart.log_x:
             axes.set_xscale("log")
+            name_decades(axes.xaxis)
         if chart.ticks:
             axes.set_xticks(list(chart.ticks), list(chart.ticks.values()))
         tidy(axes, chart.x if axes is rows[-1] else "", panel.y)
         axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False, ncols=4, fontsize=8, borderaxespad=0.1)
-    return figure
 
 
 def save_figures(charts: Sequence[Chart], folder: Path, kind: str) -> None:

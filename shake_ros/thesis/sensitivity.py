@@ -18,7 +18,7 @@ from shake_ros.api.progress import Progress
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.simulation import initial_state, run_batch
 from shake_ros.data.result_folder import refuse_existing, write_json, writing
-from shake_ros.report.chart import COLOURS, Chart, ChartSeries, Panel, new_figure, tidy
+from shake_ros.report.chart import Chart, ChartSeries, Panel, static_figure
 from shake_ros.settings import find, load_table, read_yaml
 from shake_ros.thesis.reproduce import Claim, ExperimentReport, Rows, sine
 
@@ -35,7 +35,6 @@ SYMBOLS = {"theta_5": ("θ₅", "Pa/m³"), "theta_6": ("θ₆", "m³/(s·Pa)"), 
 CHANNELS = {"position": "m", "velocity": "m/s", "acceleration": "m/s²"}
 STEADY_PERIODS, SHOWN_PERIODS = 6, 3
 HIGHEST_HARMONIC = 15
-LOWEST_SHOWN = 1e-2  # of a figure [m/s²]
 Floats = NDArray[np.float64]
 
 
@@ -121,11 +120,8 @@ class Sensitivity:
 
     def plot(self) -> dict[str, Figure]:
         """Figures 6.19 to 6.24 by number."""
-        found = {}
-        for name, (motion, spectrum) in NUMBERS.items():
-            found[motion] = motion_figure(self.studies[name])
-            found[spectrum] = spectrum_figure(self.studies[name])
-        return found
+        drawn = [chart for study in self.studies.values() for chart in charts("this study", study)]
+        return {chart.name.removeprefix("figure_"): static_figure(chart) for chart in drawn}
 
     def report(self, out: str | Path, force: bool = False) -> None:
         """Write the figures and sensitivity.json into a folder."""
@@ -143,35 +139,6 @@ class Sensitivity:
             spread = "  ".join(f"{key} {value:6.1%}" for key, value in study.spread.items())
             lines.append(f"  {name}: {spread}")
         return "\n".join(lines)
-
-
-def motion_figure(study: ParameterStudy) -> Figure:
-    """Figures 6.19, 6.21, 6.23: position, velocity and acceleration over the last periods."""
-    figure = new_figure(9.0, 7.0)
-    panels = np.ravel(figure.subplots(3, 1, sharex=True))
-    time, motion = study.shown
-    for column, (axes, (channel, unit)) in enumerate(zip(panels, CHANNELS.items(), strict=True)):
-        for i, label in enumerate(study.labels):
-            axes.plot(time, motion[i, :, column], color=COLOURS[i % len(COLOURS)], linewidth=1.4, label=label)
-        tidy(axes, "time [s]" if axes is panels[-1] else "", f"{channel} [{unit}]")
-    panels[0].legend(frameon=False, fontsize=9, ncols=len(study.values), loc="lower right", bbox_to_anchor=(1.0, 1.0))
-    return figure
-
-
-def spectrum_figure(study: ParameterStudy) -> Figure:
-    """Figures 6.20, 6.22, 6.24: amplitudes of the acceleration over frequency."""
-    figure = new_figure(9.0, 4.0)
-    axes = figure.subplots()
-    orders, width = np.arange(1, HIGHEST_HARMONIC + 1), 0.8 / len(study.values)
-    for i, (label, heights) in enumerate(zip(study.labels, study.harmonics(orders.tolist()), strict=True)):
-        offset = (i - 0.5 * (len(study.values) - 1)) * width
-        axes.bar(orders + offset, heights, width, color=COLOURS[i % len(COLOURS)], label=label)
-    axes.set_xticks(orders, [f"{k * study.frequency:g}" for k in orders])
-    axes.set_yscale("log")
-    axes.set_ylim(bottom=LOWEST_SHOWN)
-    axes.legend(frameon=False, fontsize=9)
-    tidy(axes, "frequency [Hz]", "acceleration [m/s²]")
-    return figure
 
 
 def check_free(folder: Path, force: bool) -> None:
