@@ -100,7 +100,7 @@ def threshold(false_alarms: float, window: float, variables: int) -> float:
     false_alarms : [1/h]. window : [s]. variables : that are looked at, at each of the lags.
 
     >>> round(threshold(0.01, 2.0, 13), 2)
-    5.16
+    5.19
     """
     tests = HOUR / window * variables * sum(1.0 / lag for lag in LAGS)  # of m windows one in m is a new one
     return float(norm.isf(0.5 * false_alarms / tests))
