@@ -202,22 +202,29 @@ class SetSearch:
             found[effect.name] = [t for t in tried if gain(t, less) > ALIKE * taken]
         return found
 
-    def _step(self, best: Scored) -> Scored | None:
-        """A better model with a set of effects more, or none."""
-        lin = self._screened(best)
-        better = list[Scored]()
-        for s in worth_trying(proposals(lin), len(best.fitted.likelihood)):
+    def _step(self, best: Scored, against: Scored | None = None) -> Scored | None:
+        """A better model with a set of effects more, or none.
+
+        A set whose gain is all on the data of the fit may be a part of what is missing: one step goes on from there.
+
+        against : the model that it has to be better than, where that is another one.
+        """
+        better, tried = against or best, list[Scored]()
+        for s in worth_trying(proposals(self._screened(best)), len(best.fitted.likelihood)):
             if self.budget.over():
                 break
             self.progress(f"refit with {' + '.join(s.names)}")
-            tried = self.scored(start(best.fitted, s), SHORT, best.levels)
-            better += [tried] if evidence(tried, best) > 0.0 else []
-        if not better:
+            tried.append(self.scored(start(best.fitted, s), SHORT, best.levels))
+        if not tried:
             return None
-        winner = max(better, key=lambda b: gain(b, best) - price_over(b, best))
+        sure = [t for t in tried if evidence(t, better) > 0.0]
+        winner = max(sure or tried, key=lambda t: gain(t, best) - price_over(t, best))
+        if not sure:
+            fitted = tempered(winner.fitted.likelihood - best.fitted.likelihood) > price_over(winner, best)
+            return self._step(self.settled(winner), best) if fitted and against is None else None
         winner = self.settled(self._reduced(self.settled(winner)))
-        same = set(winner.model.effect_names) == set(best.model.effect_names)
-        return winner if evidence(winner, best) > (SETTLED if same else 0.0) else None
+        same = set(winner.model.effect_names) == set(better.model.effect_names)
+        return winner if evidence(winner, better) > (SETTLED if same else 0.0) else None
 
     def _screened(self, found: Scored) -> Linearised:
         """A model with every effect that it lacks, to first order; remembered, since rivals ask as well."""
