@@ -1,8 +1,8 @@
 """Decision: the odds of one model against another, and which effects may stand for the one that explains most.
 
 All verdicts rest on this one number. A difference of two models counts over what the better one leaves, as its scatter
-from block to block of the validation data allows, no more than on the data of the fit, and only beyond what no model
-explains: whatever makes that may make the difference as well.
+from block to block of the validation data allows, and no more than on the data of the fit; for a verdict only beyond
+what no model explains, since whatever makes that may make the difference as well.
 """
 
 from __future__ import annotations

@@ -7,10 +7,10 @@ An effect is
     likely           at better odds than even, but not sure, or much is unexplained; or there was no time to assess it
     not established  at no better odds than even; its strength at a bound, or any number of it while much is unexplained
 
-What remains unexplained counts against an effect (decision.py): a combination with something else may replace it; an
-effect at a bound does the work of something that is missing. Such effects are candidates, not findings. It does not
-count against what the recordings show without a model: one by which the sensors differ, as whatever else is missing
-moves the table and the table moves both sensors; or a backlash whose dwells the acceleration shows.
+For the verdict the odds count only beyond what remains unexplained: a combination with something else may replace the
+effect; one at a bound does the work of something that is missing. Such effects are candidates, not findings. Not so
+what the recordings show without a model: an effect by which the sensors differ, as whatever else is missing moves the
+table and the table moves both sensors; or a backlash whose dwells the acceleration shows.
 
 A fit without an effect that had to end early leaves at least what it would have left at its end. So when the time
 budget is over an effect may still turn out to be needless, but none is established.
@@ -77,7 +77,8 @@ def verdict_of(
     reduced = without(problem, final, candidate) if len(found.steps) > 1 else found.declared
     worth = float(np.sqrt(reduced.validation_cost / final.validation_cost))
     bounds = resting_parameters(final, step)
-    surely = log_odds(problem, final, reduced, 1, left)
+    odds = log_odds(problem, final, reduced, 1)
+    surely = log_odds(problem, final, reduced, 1, left)  # whatever else is missing
     near_noise = final.validation_cost <= settings.near_noise**2 * noise
     others = step.alternatives
     early = time_is_over()
@@ -85,7 +86,7 @@ def verdict_of(
         state, reason = NOT_ESTABLISHED, "its strength is at a bound; it stands in for an effect that is missing"
     elif surely <= 0.0:
         state = NOT_ESTABLISHED
-        reason = "what remains unexplained may stand for it" if left else "the model is as good without it"
+        reason = "more remains unexplained than it explains" if odds > 0.0 else "the model is as good without it"
     elif bounds and not near_noise and candidate.effect not in shown:
         state, reason = NOT_ESTABLISHED, "at a bound, and the unexplained residual may have the same cause"
     elif others:
@@ -98,8 +99,7 @@ def verdict_of(
         state, reason = ESTABLISHED, "needed, no other effect replaces it, and the residual is near the noise"
     else:
         state, reason = LIKELY, "needed, but much of the residual is unexplained"
-    odds = math.exp(min(surely, MOST))
-    about = candidate.effect, candidate.place, state, odds, worth, reason
+    about = candidate.effect, candidate.place, state, math.exp(min(odds, MOST)), worth, reason
     return EffectVerdict(*about, others, bounds, candidate, final), reduced
 
 
