@@ -89,7 +89,12 @@ def evidence(more: Scored, less: Scored) -> float:
     effects, better, worse = len(more.model.effects) - len(less.model.effects), more.by_block, less.by_block
     worse = worse + effects * more.seen.floor * (more.fitted.prediction.count + more.seen.count) / len(better)
     fitted = float(np.sum((better - worse)[: len(more.fitted.likelihood)]))
-    return min(tempered(better - worse), fitted) - price_over(more, less)
+    return min(_scattered(better - worse), fitted) - price_over(more, less)
+
+
+def _scattered(gains: np.ndarray) -> float:
+    """A gain given by block, shape (b,), as its scatter from block to block lets it count [nats]."""
+    return tempered(float(np.sum(gains)), float(len(gains) * np.var(gains)))
 
 
 def price_over(more: Scored, less: Scored) -> float:
@@ -220,7 +225,7 @@ class SetSearch:
         sure = [t for t in tried if evidence(t, better) > 0.0]
         winner = max(sure or tried, key=lambda t: gain(t, best) - price_over(t, best))
         if not sure:
-            fitted = tempered(winner.fitted.likelihood - best.fitted.likelihood) > price_over(winner, best)
+            fitted = _scattered(winner.fitted.likelihood - best.fitted.likelihood) > price_over(winner, best)
             return self._step(self.settled(winner), best) if fitted and against is None else None
         winner = self.settled(self._reduced(self.settled(winner)))
         same = set(winner.model.effect_names) == set(better.model.effect_names)

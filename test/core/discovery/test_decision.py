@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shake_ros.core.discovery.decision import PRIOR, Refit, decide, log_odds, tempered, unexplained
+from shake_ros.core.discovery.decision import PRIOR, Refit, decide, log_odds, unexplained
 from shake_ros.core.discovery.problem import ScoredFit
 from shake_ros.core.identification.fit import Fit
 from shake_ros.core.identification.free_parameters import FreeParameters
@@ -69,11 +69,9 @@ def test_a_difference_that_some_blocks_make_and_others_take_back_is_chance() -> 
     assert log_odds(problem(), best, scattered) < 3.0 < 100.0 < log_odds(problem(), best, steady)
 
 
-def test_gain_that_varies_from_block_to_block_counts_less() -> None:
-    steady, wild = np.full(50, 2.0), np.where(np.arange(50) % 2 == 0, 52.0, -48.0)
-    assert tempered(steady) == pytest.approx(100.0)
-    assert tempered(wild) < 1.0
-    assert tempered(-steady) == pytest.approx(-100.0)
+def test_a_gain_in_the_loud_part_of_an_earthquake_alone_counts_in_full() -> None:
+    loud = scored(1.2, 1.0 + 5.0 * (np.arange(BLOCKS) < 2))
+    assert log_odds(problem(), scored(1.0, 1.0), loud) == pytest.approx(0.5 * SAMPLES * 0.2)
 
 
 def back_pressure(pressure: float) -> Refit:
