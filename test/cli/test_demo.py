@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import io
+import json
 from pathlib import Path
 from unittest import mock
 
@@ -230,3 +231,15 @@ def test_run_over_dds_leaves_a_recording_that_a_fit_can_read(
         assert values is not None
     assert np.std(recording.position) > 1e-4
     assert track_of(recording).errors["position"] < 0.5
+
+
+@pytest.mark.second_tier
+def test_demo_names_the_hidden_effect_alone_and_tracks_better_with_it(
+    tmp_path: Path, ros_domain: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("rclpy")
+    monkeypatch.chdir(tmp_path)
+    assert __main__.call("demo", ["--out", "demo"]) == 0
+    told = json.loads((tmp_path / "demo" / "summary.json").read_text(encoding="utf-8"))["hidden"]
+    assert (told["named"], told["alternatives"]) == (told["effect"], [])
+    assert told["test_after"] < 0.5 * told["test_before"]
