@@ -107,7 +107,7 @@ def left_open(group: Sequence[str]) -> Sequence[str]:
 
 
 def verdicts_of(closed: LoopClosure, effects: Sequence[str]) -> list[dict[str, Any]]:
-    """The odds of each effect that was named or nearly so, and whether it, or one that it is not told from, is there.
+    """The odds of each effect with a verdict, and whether it, or one that could stand in its place, is there.
 
     effects : that are hidden. An effect of none of the listed ones is "unlisted".
     """

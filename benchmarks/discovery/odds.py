@@ -8,16 +8,15 @@ distance of what was foreseen from what was right, of bins of the odds.
 from __future__ import annotations
 
 import argparse
-import json
-import sqlite3
 from collections.abc import Sequence
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-EDGES = (0.0, 1.0, 20.0, 1e3, 0.99e6, np.inf)  # of the odds
+from shake_ros.campaigns.campaign import CampaignFile
+
+EDGES = (0.0, 1.0, 20.0, 1e3, 1e6, np.inf)  # of the odds
 
 
 def table(odds: np.ndarray, right: np.ndarray) -> list[str]:
@@ -41,9 +40,8 @@ def main(given: Sequence[str] | None = None) -> None:
     options.add_argument("out", nargs="+", type=Path, metavar="OUT")
     verdicts = list[dict[str, Any]]()
     for out in options.parse_args(given).out:
-        with closing(sqlite3.connect(f"file:{out / 'rows.sqlite'}?mode=ro", uri=True)) as rows:
-            for (figures,) in rows.execute("SELECT figures FROM rows WHERE figures IS NOT NULL"):
-                verdicts += json.loads(figures)["verdicts"]
+        with CampaignFile(out, write=False) as rows:
+            verdicts += [v for row in rows if row.figures is not None for v in row.figures["verdicts"]]
     print("\n".join(table(np.array([v["odds"] for v in verdicts]), np.array([v["right"] for v in verdicts]))))
 
 

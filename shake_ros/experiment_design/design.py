@@ -34,6 +34,7 @@ from shake_ros.core.control.closed_loop import ClosedLoop
 from shake_ros.core.control.feedforward_pi import FeedforwardPI
 from shake_ros.core.control.runner import Controller
 from shake_ros.core.discovery.candidates import CandidateEffect
+from shake_ros.core.discovery.decision import odds_of
 from shake_ros.core.discovery.problem import linearised, side_by_side
 from shake_ros.core.identification.experiments import PAYLOAD
 from shake_ros.core.identification.fit import LOST, Adjustment, Fit, jacobian
@@ -86,7 +87,7 @@ class Separation:
     @property
     def odds(self) -> float:
         """Expected odds against it, up to 10⁶."""
-        return float(min(math.exp(min(self.gain, 20.0)), 1e6))
+        return odds_of(self.gain)
 
 
 @dataclass(frozen=True)

@@ -235,7 +235,7 @@ def odds_text(odds: float) -> str:
     """Odds for a reader, such as "480 : 1"."""
     if odds < 1.0:
         return f"1 : {1.0 / odds:,.0f}".replace(",", " ") if odds > 1e-6 else "below 1 : 1 000 000"
-    if odds > 0.99e6:
+    if odds >= 1e6:
         return "over 1 000 000 : 1"
     return f"{odds:.2g} : 1" if odds < 100.0 else f"{odds:,.0f} : 1".replace(",", " ")
 

@@ -5,6 +5,7 @@
         linearise: its parameters, and every absent effect at finite trials
         propose sets of up to three effects by linear best-subset selection
         refit the best set of each size; of those with evidence keep the one that gains most beyond its price
+        where all the gain is on the data of the fit, go one step on from the best of them
         take out what the set can do without
     until no set is worth it
     take out what the model can do without

@@ -240,6 +240,6 @@ def test_demo_names_the_hidden_effect_alone_and_tracks_better_with_it(
     pytest.importorskip("rclpy")
     monkeypatch.chdir(tmp_path)
     assert __main__.call("demo", ["--out", "demo"]) == 0
-    told = json.loads((tmp_path / "demo" / "summary.json").read_text(encoding="utf-8"))["hidden"]
-    assert (told["named"], told["alternatives"]) == (told["effect"], [])
-    assert told["test_after"] < 0.5 * told["test_before"]
+    hidden = json.loads((tmp_path / "demo" / "summary.json").read_text(encoding="utf-8"))["hidden"]
+    assert (hidden["named"], hidden["alternatives"]) == (hidden["effect"], [])
+    assert hidden["test_after"] < 0.5 * hidden["test_before"]

@@ -17,7 +17,7 @@ from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
 
 PRIOR = math.log(30.0)  # nats against an effect: about so many are tried
-MOST = math.log(1e6)  # that is reported of log odds
+MOST = 1e6  # odds that are reported
 
 
 @dataclass(frozen=True)
@@ -109,6 +109,15 @@ def log_odds(problem: SearchProblem, model: ScoredFit, other: ScoredFit, effects
     more = len(model.fit.x) - len(other.fit.x)
     gain = tempered(float(np.sum(gains)), contradicted(gains))
     return min(gain, fitted) - price(effects, more, len(blocks))
+
+
+def odds_of(gain: float) -> float:
+    """Odds of log odds, up to 10⁶.
+
+    >>> odds_of(0.0), odds_of(50.0)
+    (1.0, 1000000.0)
+    """
+    return min(math.exp(min(gain, 20.0)), MOST)
 
 
 def decide(problem: SearchProblem, ranking: Sequence[Refit]) -> ForwardStep:

@@ -25,7 +25,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.decision import MOST, ForwardStep, log_odds, unexplained
+from shake_ros.core.discovery.decision import ForwardStep, log_odds, odds_of, unexplained
 from shake_ros.core.discovery.elimination import without
 from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
 from shake_ros.core.discovery.selection import Selection
@@ -99,7 +99,7 @@ def verdict_of(
         state, reason = ESTABLISHED, "needed, no other effect replaces it, and the residual is near the noise"
     else:
         state, reason = LIKELY, "needed, but much of the residual is unexplained"
-    about = candidate.effect, candidate.place, state, math.exp(min(odds, MOST)), worth, reason
+    about = candidate.effect, candidate.place, state, odds_of(odds), worth, reason
     return EffectVerdict(*about, others, bounds, candidate, final), reduced
 
 
