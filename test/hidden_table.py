@@ -20,6 +20,7 @@ SAMPLE_TIME = 0.001
 STEPS = 20  # Runge–Kutta steps a sample
 POSITION_NOISE, POSITION_STEP = 8e-6, 0.300 / 2**16  # [m]
 ACCELERATION_NOISE = 0.05  # [m/s²]
+PRESSURE_NOISE = 3e4  # [Pa]
 CENTRING = 2.0  # command per metre of displacement
 
 # This table's own values, as far from the catalogue as tables are.
@@ -61,11 +62,12 @@ class Hidden(NamedTuple):
 
 
 class Recorded(NamedTuple):
-    """Arrays of shape (n,) at 1 kHz: command [-], position [m], acceleration [m/s²]."""
+    """Arrays of shape (n,) at 1 kHz: command [-], position [m], acceleration [m/s²], load pressure [Pa]."""
 
     commands: np.ndarray
     position: np.ndarray
     acceleration: np.ndarray
+    pressure: np.ndarray
 
 
 @numba.njit(cache=True)
@@ -118,13 +120,14 @@ def sample(y, wanted, c, h, steps, dt):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def closed_loop(excitation, position_noise, y, c, h, centring, steps, dt):  # type: ignore[no-untyped-def]
-    """Command, measured position (with noise and steps) and true acceleration at every sample, shape (n, 3)."""
-    out, rate = np.empty((len(excitation), 3)), np.empty(8)
+    """Command, measured position (with noise and steps), true acceleration and load pressure, shape (n, 4)."""
+    out, rate = np.empty((len(excitation), 4)), np.empty(8)
     for k in range(len(excitation)):
         measured = round((y[0] + position_noise[k]) / POSITION_STEP) * POSITION_STEP
         u = min(max(excitation[k] - centring * measured, -1.0), 1.0)
         wanted = min(max(u + h.null_shift, -1.0), 1.0)
         out[k, 0], out[k, 1], out[k, 2] = u, measured, rates(y, wanted, c, h, rate)
+        out[k, 3] = y[2] - y[3]
         y = sample(y, wanted, c, h, steps, dt)
     return out
 
@@ -151,7 +154,8 @@ def record(
     start = np.concatenate([at_rest(table), np.zeros(2)])
     out = closed_loop(u, noise, start, table, hidden or Hidden(), CENTRING, STEPS, SAMPLE_TIME)
     more = ACCELERATION_NOISE * rng.standard_normal(len(u)) if noisy else 0.0
-    return Recorded(out[:, 0].copy(), out[:, 1].copy(), out[:, 2] + more)
+    load = out[:, 3] + (PRESSURE_NOISE * rng.standard_normal(len(u)) if noisy else 0.0)
+    return Recorded(out[:, 0].copy(), out[:, 1].copy(), out[:, 2] + more, load)
 
 
 def open_loop(commands: np.ndarray, table: Constants, hidden: Hidden | None = None) -> np.ndarray:

@@ -22,6 +22,7 @@ SUBSTEPS = 40  # integration steps per sample
 LOOP_GAIN = 2.0  # weak position loop [1/m]
 POSITION_NOISE = 8e-6  # [m] at noise level 1
 ACCELERATION_NOISE = 0.05  # [m/s²] at noise level 1
+PRESSURE_NOISE = 2e4  # [Pa] at noise level 1
 POSITION_STEP = 4.6e-6  # [m]
 STATES = 18
 X, V, PA, PB, S, DS, PS, FILM, Q, DQ, R, DR, B, DB, LAGA, LAGX, Z, PUSH = range(STATES)
@@ -384,7 +385,7 @@ def step(t, y, time, h, u, k, work):
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def drive(t, excitation, noise, step_size, commands, out, substeps, pushes):
-    """Closed weak loop over a whole recording; `out` gets position, velocity, acceleration of every sample.
+    """Closed weak loop over a whole recording; `out` gets position, velocity, acceleration, both pressures.
 
     pushes : random force of each sample, shape (n,) or (0,) [N].
     """
@@ -400,7 +401,7 @@ def drive(t, excitation, noise, step_size, commands, out, substeps, pushes):
         seen = y[LAGX] if t.position_sensor_lag > 0.0 else y[X]
         seen = round((seen + noise[i, 0]) / step_size) * step_size if step_size > 0.0 else seen
         felt = y[LAGA] if t.accelerometer_lag > 0.0 else a
-        out[i, 0], out[i, 1] = seen, y[V]
+        out[i, 0], out[i, 1], out[i, 3], out[i, 4] = seen, y[V], y[PA], y[PB]
         out[i, 2] = (1.0 + t.accelerometer_scale) * felt + t.accelerometer_bias + noise[i, 1]
         commands[i] = min(max(excitation[i] - LOOP_GAIN * seen, -1.0), 1.0)
         if len(pushes) > 0:
@@ -476,13 +477,15 @@ def random_force(truth: Truth, count: int, rng: Any) -> np.ndarray:
 def record(
     truth: Truth, excitation: np.ndarray, noise: float, rng: Any, substeps: int = SUBSTEPS
 ) -> dict[str, np.ndarray]:
-    """One recording: command, position, acceleration, each (n,). `noise` scales the sensors' noise; 0: none."""
+    """One recording: command, position, acceleration and pressures, each (n,). `noise` scales the sensors' noise."""
     n = len(excitation)
     scatter = rng.standard_normal((n, 2)) * (POSITION_NOISE * noise, ACCELERATION_NOISE * noise)
-    commands, out = np.zeros(n), np.zeros((n, 3))
+    commands, out = np.zeros(n), np.zeros((n, 5))
     pushes = random_force(truth, n, rng) if truth.rumble > 0.0 else np.zeros(0)
     drive(truth, excitation, scatter, POSITION_STEP if noise > 0.0 else 0.0, commands, out, substeps, pushes)
-    return {"command": commands, "position": out[:, 0], "velocity": out[:, 1], "acceleration": out[:, 2]}
+    out[:, 3:] += PRESSURE_NOISE * noise * rng.spawn(1)[0].standard_normal((n, 2))
+    names = "position", "velocity", "acceleration", "pressure_a", "pressure_b"
+    return {"command": commands, **dict(zip(names, out.T, strict=True))}
 
 
 def acceleration_change(base: Truth, truth: Truth, commands: dict[str, np.ndarray]) -> float:

@@ -91,7 +91,6 @@ class Discovery(fitted.FittedResult):
     tuned : observer and controller for the found table, where they were asked for.
     failures : steps after the first fit that ended in an error, those of `report` as well; the result is without what
         they would have added.
-    unused : signals of the recordings that no fit uses, such as "pressure_a".
     """
 
     model: Model
@@ -104,7 +103,6 @@ class Discovery(fitted.FittedResult):
     tuned: TunedTable | None = None
     failures: Failures = field(default_factory=Failures)
     test: Sequence[Record] = ()
-    unused: tuple[str, ...] = ()
 
     @property
     def records(self) -> list[Record]:
@@ -207,7 +205,7 @@ class Discovery(fitted.FittedResult):
             found = continued(structure, self.closed, *sets, settings, ending, ending.deadline_passed, failures)
             data = data.with_nuisances(found.search.nuisances)
             asked = () if ending.deadline_passed() else recordings_to_make()
-            return replace(completed(self.model, found, data, [], asked, bar, failures), unused=self.unused)
+            return completed(self.model, found, data, [], asked, bar, failures)
 
     def plot(self, recording: str | None = None) -> Figure:
         """The two seconds of a recording that move most: measured, before and after; the first one validated."""
@@ -377,8 +375,7 @@ def close_loop(
         data = data.with_nuisances(found.search.nuisances)
         data = replace(data, stops=(*data.stops, *stops))
         asked = () if ending.deadline_passed() else recordings_to_make()
-        found_and_judged = completed(model, found, data, test_data, asked, bar, failures, tune=tune)
-        return replace(found_and_judged, unused=fitted.unused_signals(estimation, validation))
+        return completed(model, found, data, test_data, asked, bar, failures, tune=tune)
 
 
 def completed(

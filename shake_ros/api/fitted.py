@@ -19,7 +19,6 @@ from shake_ros.api.model import Model
 from shake_ros.api.read import Recordings
 from shake_ros.core.discovery.declared_fit import FittedModel
 from shake_ros.core.identification.axis_model import AXIS, forecast_errors
-from shake_ros.core.identification.data_checks import within_stroke
 from shake_ros.core.identification.identified import identified
 from shake_ros.core.identification.late_command import earlier
 from shake_ros.core.identification.nuisance_estimates import NuisanceEstimates, estimated_null_shifts
@@ -117,7 +116,6 @@ class LatentForces(Sequence[LatentForce]):
 
 
 Data = TableRecording | Sequence[TableRecording]
-UNUSED = "pressure_a", "pressure_b", "pressure_supply"
 
 
 class FittedResult(Result):
@@ -199,12 +197,6 @@ def recordings(data: Data | None) -> Recordings:
     return Recordings([data] if isinstance(data, TableRecording) else data or ())
 
 
-def unused_signals(*data: Data) -> tuple[str, ...]:
-    """Signals that any of some recordings has and no fit uses."""
-    runs = [run for some in data for run in recordings(some)]
-    return tuple(name for name in UNUSED if any(getattr(run, name) is not None for run in runs))
-
-
 def fit_data(estimation: Data, validation: Data | None, driven_by: str) -> tuple[list[Record], list[Record]]:
     """Records of both sets as a fit takes them; a recording in both is an error."""
     first, second = recordings(estimation), recordings(validation)
@@ -253,7 +245,7 @@ def test_records(
     for role, other in zip(("estimation", "validation"), others, strict=True):
         check_apart(recordings(other), given, (role, "test"))
     records = given.records(model.declared.driven_by)
-    return within_stroke(records, model.stroke) if model.stroke is not None else (records, ())
+    return model.usable(records)
 
 
 def prepared_alike(

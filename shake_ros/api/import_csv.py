@@ -23,9 +23,10 @@ SIGNALS = {
     "position": "position [m]",
     "acceleration": "acceleration [m/s²]",
     "force": "external force on the table [N]",
-    "pressure_a": "absolute pressure of chamber A [Pa]; kept in the recording, no fit uses it",
-    "pressure_b": "the same of chamber B [Pa]",
-    "pressure_supply": "the same of the supply [Pa]",
+    "pressure_a": "absolute pressure of chamber A [Pa]",
+    "pressure_b": "the same of chamber B [Pa]; a fit uses the difference of both",
+    "pressure_load": "pressure of chamber A less that of chamber B [Pa], of one transducer",
+    "pressure_supply": "absolute pressure of the supply [Pa]; no fit uses it",
 }
 OF_SECOND = tuple(name for name in SIGNALS if name not in ("command", "position"))  # what a second file may bring
 WANTED = {name: name.partition("_")[0] for name in ("time", *SIGNALS)}  # quantity of each column
@@ -81,7 +82,8 @@ def import_csv(
     file : text, .xlsx, .tdms, or .mat.
     out : folder of the recording.
     command, position, signals : a column's name or its number from 1: valve command [-], position [m]; and of
-        acceleration [m/s²], force on the table [N], pressure_a, pressure_b, pressure_supply [Pa] those that there are.
+        acceleration [m/s²], force on the table [N], pressure_a, pressure_b, pressure_load, pressure_supply [Pa] those
+        that there are.
         The unit in the heading, or in a row of units, takes it to SI units; a factor (`"CHANNEL0*0.01"`), and what is
         added then (`"mA*0.125-1.5"`), stand in for it.
     time : column of the time [s].

@@ -11,7 +11,7 @@ import numpy as np
 from shake_ros.api.read import Recordings
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.identification.axis_model import AXIS
-from shake_ros.core.identification.data_checks import contradictions, within_stroke
+from shake_ros.core.identification.data_checks import contradictions, usable_pressures, within_stroke
 from shake_ros.core.identification.late_command import in_time
 from shake_ros.core.identification.models import MODELS
 from shake_ros.core.identification.nuisances import Prepared, prepared
@@ -94,10 +94,9 @@ class Model:
         nuisances; of a force-driven axis each recording has its own slow changes. progress : called with what is being
         done and which part is done.
         """
-        declared, stroke, stops = self.declared, self.stroke, tuple[str, ...]()
-        if stroke is not None:
-            (estimation, first), (validation, second) = (within_stroke(r, stroke) for r in (estimation, validation))
-            stops = first + second
+        declared = self.declared
+        (estimation, first), (validation, second) = map(self.usable, (estimation, validation))
+        stops = first + second
         if not isinstance(declared, UnknownModel):
             both = with_slow_changes(estimation, validation) if declared is AXIS else (estimation, validation)
             return StartingPoint.declared(self.start(estimation), Prepared(*both, 1.0, (), stops=stops))
@@ -107,6 +106,16 @@ class Model:
 
         data = replace(in_time(prepared(estimation, validation)), stops=stops)
         return staged_start(declared, free_parameters(declared), effects, data, progress)
+
+    def usable(self, records: list[Record]) -> tuple[list[Record], tuple[str, ...]]:
+        """What of some recordings a fit can use, and a line on what it leaves out: end stops, impossible pressures."""
+        lines: tuple[str, ...] = ()
+        if self.stroke is not None:
+            records, lines = within_stroke(records, self.stroke)
+        if not self.declared.pressures:
+            return records, lines
+        found, wrong = usable_pressures(records, None if self.declared.nuisances else self.table)
+        return found, lines + wrong
 
     def contradictions(self, recordings: Recordings) -> list[str]:
         """In which quantities the declared numbers and the recordings are far apart, a line each."""

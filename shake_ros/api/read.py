@@ -206,7 +206,7 @@ def recording(
     time : shape (n,), rising [s].
     command : valve command, shape (n,) [-].
     position : shape (n,) [m].
-    signals : acceleration [m/s²], pressure_a, pressure_b, pressure_supply [Pa], force [N], each of shape (n,);
+    signals : acceleration [m/s²], pressure_a, pressure_b, pressure_load, pressure_supply [Pa], force [N], (n,) each;
         reference, estimate, truth, shape (n, 3) in SI units.
 
     Raises

@@ -117,8 +117,8 @@ def import_csv_command(arguments: Sequence[str]) -> int:
     print(f"{given.out}: {len(recording)} samples, every {recording.sample_time * 1e3:.6g} ms, {ranges}")
     for finding in recording.findings:
         print(f"  {finding}")
-    if any(getattr(recording, name) is not None for name in SIGNALS if name.startswith("pressure")):
-        print("  pressures: kept in the recording; identify and close_loop do not use them")
+    if recording.load is not None:
+        print("  load pressure: identify and close_loop fit it as well")
     return 0
 
 

@@ -159,13 +159,17 @@ def leaps(position: np.ndarray) -> np.ndarray:
 def even_parts(recording: TableRecording, driven_by: str = "valve_command") -> list[Bridged]:
     """The segments of a recording without leap and longer gap that are long enough to fit, their short gaps filled.
 
-    Their columns are time, command, position and, where it was measured, acceleration.
+    Their columns are time, command, position and, where they were measured, acceleration and pressure: that of chamber
+    A less that of chamber B [Pa], NaN where its samples are not there.
     """
     columns = {"command": getattr(recording, driven_by), "position": recording.position}
     if recording.acceleration is not None:
         columns["acceleration"] = recording.acceleration
+    needed = np.isfinite(np.column_stack(list(columns.values()))).all(axis=1)
+    if recording.load is not None:
+        columns["pressure"] = recording.load
     found = list[Bridged]()
-    for rows in _joined(recording, np.isfinite(np.column_stack(list(columns.values()))).all(axis=1)):
+    for rows in _joined(recording, needed):
         whole = bridged({"time": recording.time[rows]} | {n: c[rows] for n, c in columns.items()}, SHORT)
         whole = replace(whole, rows=np.where(whole.rows < 0, -1, whole.rows + rows.start))
         cuts = leaps(whole.values["position"])
@@ -225,7 +229,12 @@ def fit_records(recording: TableRecording, driven_by: str = "valve_command") -> 
             acceleration = None  # a dead channel measures nothing
         command = part.values["command"]
         before = float(command[0]) if part.rows[0] != 0 or recording.time[0] > 0.0 else 0.0
-        record = Record(recording.name, recording.sample_time, command, position, acceleration, command_before=before)
+        pressure = part.values.get("pressure")
+        if pressure is not None and not (np.isfinite(pressure).all() and np.ptp(pressure)):
+            pressure = None
+        record = Record(
+            recording.name, recording.sample_time, command, position, acceleration, pressure, command_before=before
+        )
         records.append(_without_unheard(record, part.filled, (part.rows >= 0) & clip[part.rows]))
     if not np.ptp(recording.position[np.isfinite(recording.position)]):
         raise ShakeError(f"{recording.name}: joint_states: the position does not move, nothing to fit")

@@ -211,7 +211,8 @@ class Designer:
         heard = like.acceleration is not None
         felt = run.truth[:half, 2] + like.acceleration_noise() * rng.standard_normal(half) if heard else None
         seen = run.truth[:half, 0] + like.position_noise() * rng.standard_normal(half)
-        return Record(name, like.sample_time, run.command[:half], seen, felt, cutoff=like.cutoff)
+        load = None if like.pressure is None else run.measured[:half, 2] - run.measured[:half, 3]
+        return Record(name, like.sample_time, run.command[:half], seen, felt, load, cutoff=like.cutoff)
 
     def _allowed(self, rival: Rival, samples: Array) -> ClosedLoop | None:
         """A model under a plain loop; None where it leaves the limits or the interlock would hold it."""

@@ -12,7 +12,7 @@ sheet, which have no unit of their own there.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -41,7 +41,6 @@ OWN_ERRORS = tuple(
 MASSES = "body.table_mass", "body.specimen_mass", "effects.payload_error.mass"
 HOLDING = "stiffness_to_ground.stiffness", "constant_force.force"
 KEYS = ("signal", "noise")
-MEASURED = {"pressure_a": "chamber_pressures", "pressure_b": "chamber_pressures"}  # signals of a recording, as SIGNALS
 
 
 @dataclass(frozen=True)
@@ -223,13 +222,9 @@ class WithSensors:
         return np.concatenate(parts)
 
 
-def lacking(sensors: Sequence[FurtherSensor], record: Record, measured: Collection[str]) -> list[FurtherSensor]:
-    """Those of some sensors that a table lacks; of an accelerometer that it has, a second one.
-
-    record : of the table. measured : signals of its recordings beside those of a record.
-    """
-    have = {MEASURED.get(name) for name in measured}
-    found = [s for s in sensors if s.signal not in have]
+def lacking(sensors: Sequence[FurtherSensor], record: Record) -> list[FurtherSensor]:
+    """Those of some sensors that the table of a record lacks; of an accelerometer that it has, a second one."""
+    found = [s for s in sensors if s.signal != "chamber_pressures" or record.pressure is None]
     if record.acceleration is None:
         return found
     return [replace(s, name=f"second {s.name}") if s.signal == "acceleration" else s for s in found]

@@ -272,7 +272,7 @@ def next_recording(
         if best is None or all(s.settles for s in best.separations):
             return made
         bar("the same with further sensors, and with more mass on the table", 0.9)
-        wanted = lacking(further_sensors(sensors), found.estimation[0], found.unused)
+        wanted = lacking(further_sensors(sensors), found.estimation[0])
         return replace(made, further=remedies(designer, best, wanted))
 
 

@@ -27,7 +27,7 @@ class Levels:
 
     Attributes
     ----------
-    position, acceleration : of the sensors, in parts of what the recordings show [-].
+    position, acceleration, pressure : of the sensors, in parts of what the recordings show [-].
     force : of the random force, in parts of the segment's acceleration [-]. memory : of that force [s].
     least_force : of the random force at least, per moved mass [m/s²].
     null, null_drift : of a recording's null shift [-] and of its drift [1/√s].
@@ -43,6 +43,7 @@ class Levels:
     null_drift: float = 1e-5
     bias: float = 0.1
     bias_drift: float = 1e-4
+    pressure: float = 1.0
 
 
 class Likelihood(ABC):
@@ -50,15 +51,18 @@ class Likelihood(ABC):
 
     Attributes
     ----------
-    levels : of noise. own_levels : names of those that are a recording's own. floor : fall of the logarithm of what is
-    left by which an effect counts, whatever the noise. difference : step of differences, as a part of a parameter's
-    scale or of its value if that is larger.
+    levels : of noise. floor : fall of the logarithm of what is left by which an effect counts, whatever the noise.
+    difference : step of differences, as a part of a parameter's scale or of its value if that is larger.
     """
 
     levels: Levels
-    own_levels: ClassVar[tuple[str, ...]]
     floor: float = 0.0
     difference: float
+
+    @property
+    @abstractmethod
+    def own_levels(self) -> tuple[str, ...]:
+        """Names of the levels that are a recording's own."""
 
     @abstractmethod
     def with_levels(self, levels: Levels) -> Likelihood:
@@ -101,7 +105,6 @@ class FreeRuns(Likelihood):
     with the floor below which no model is expected to be right, none is better than another.
     """
 
-    own_levels: ClassVar[tuple[str, ...]] = ("position",)
     floor = 0.05  # a free run leaves more than the noise of any model, and every effect takes some of that
     least: ClassVar[float] = 1.0  # level of noise at least
 
@@ -111,6 +114,11 @@ class FreeRuns(Likelihood):
         self._problem.position_weights = [0.0] * len(records)
         self.difference = difference_of(self._problem)
         self._found: np.ndarray | None = None  # what the runs at a vector leave, in parts of the sensors' noise
+
+    @property
+    def own_levels(self) -> tuple[str, ...]:
+        """Of the position, for all that is compared."""
+        return ("position",)
 
     def with_levels(self, levels: Levels) -> FreeRuns:
         """The same at another level of noise, of which it has but the one."""

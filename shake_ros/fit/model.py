@@ -14,7 +14,8 @@ from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 TABLE = len(FULL_LAYOUT.names)
 SENSOR_DELAY = FreeParameter("sensor.delay", 5e-4, -0.005, 0.05, "s")  # of the accelerometer behind the position
 SENSOR_FILTER = FreeParameter("sensor.filter", 5e-4, 0.0, 0.03, "s")  # √2/ω_c of its anti-aliasing filter
-SENSOR = (SENSOR_DELAY.name, SENSOR_FILTER.name)
+SENSOR_SCALE = FreeParameter("sensor.pressure_scale", 0.05, 0.01, 100.0, "-")  # of pressures that have no unit
+SENSOR = {SENSOR_DELAY.name: 0.0, SENSOR_FILTER.name: 0.0, SENSOR_SCALE.name: 1.0}  # values where they do not move
 WIDTH = TABLE + len(SENSOR)
 
 
@@ -80,7 +81,7 @@ class FreeModel:
     effects: tuple[TriedEffect, ...]
     x: np.ndarray
     priors: Mapping[str, tuple[float, float]]
-    sensor: tuple[float, float] = (0.0, 0.0)
+    sensor: tuple[float, ...] = tuple(SENSOR.values())
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -186,6 +187,6 @@ class FreeModel:
 
 
 def start_of(table: TableParameters, free: Sequence[FreeParameter]) -> FreeModel:
-    """A model at the values of its table; those of the sensors at zero."""
+    """A model at the values of its table and of sensors without errors."""
     model = FreeModel(table, tuple(free), (), np.zeros(len(free)), {})
-    return model.at(np.array([0.0 if p.name in SENSOR else table.value(p.name) / p.scale for p in free]))
+    return model.at(np.array([(SENSOR[p.name] if p.name in SENSOR else table.value(p.name)) / p.scale for p in free]))

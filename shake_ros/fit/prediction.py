@@ -11,7 +11,6 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import astuple, dataclass, field, replace
-from typing import ClassVar
 
 import numpy as np
 
@@ -19,7 +18,17 @@ from shake_ros.core.effects.structure import NO_GAP
 from shake_ros.core.identification.velocity_filter import low_pass
 from shake_ros.core.plant.integration import MOST
 from shake_ros.core.plant.parameters import FULL_LAYOUT
-from shake_ros.core.plant.prediction import BIAS, FILTER_RATE, FILTERED, FORCE, NULL, kalman, predict, relevelled
+from shake_ros.core.plant.prediction import (
+    BIAS,
+    FILTER_RATE,
+    FILTERED,
+    FORCE,
+    NULL,
+    PRESSURE_OFFSET,
+    kalman,
+    predict,
+    relevelled,
+)
 from shake_ros.core.plant.sensors import filter_step
 from shake_ros.core.plant.simulation import NO_PACE, moving_state, workers
 from shake_ros.core.plant.states import (
@@ -41,6 +50,7 @@ from shake_ros.fit.model import TABLE
 from shake_ros.fit.segment import Segment
 
 INDEX = FULL_LAYOUT.index
+SIGNALS = ("position", "acceleration", "pressure")  # in the order in which a segment has them
 GAP, LATE = INDEX["effects.coupling_backlash.gap"], INDEX["effects.position_sensor_lag.time_constant"]
 RESONANT = 8.0  # motion of a specimen over that of its table, with which a segment may begin
 SPEED = 0.05  # standard deviation of the velocity with which a segment begins [m/s]
@@ -63,6 +73,11 @@ class FilteredSegment:
     transition: np.ndarray
     sensing: np.ndarray
     pace: np.ndarray = field(default_factory=lambda: NO_PACE)
+
+    @property
+    def weights(self) -> np.ndarray:
+        """One over the deviation of each innovation once those before it are known, 0 without, shape (n, m)."""
+        return np.diagonal(self.whitening, axis1=1, axis2=2)
 
 
 def coordinates(vector: np.ndarray) -> list[int]:
@@ -88,8 +103,12 @@ def coordinates(vector: np.ndarray) -> list[int]:
 class Predictor(Likelihood):
     """Whitened innovations of a model over segments, under gains made at one parameter vector."""
 
-    own_levels: ClassVar[tuple[str, ...]] = ("force", "acceleration")
     difference = DIFFERENCE
+
+    @property
+    def own_levels(self) -> tuple[str, ...]:
+        """Levels of the random force, and of the sensors beside the position's."""
+        return ("force", *SIGNALS[1 : len(self.segments[0].noise)])
 
     def __init__(self, segments: Sequence[Segment], levels: Levels) -> None:
         self.segments, self.levels = tuple(segments), levels
@@ -131,16 +150,16 @@ class Predictor(Likelihood):
         table, n, levels = vector[:TABLE], len(s.commands), self.levels
         chain = chain_of(vector, s.dt)
         codes = [*coordinates(table), FORCE, NULL, BIAS, *([FILTERED, FILTER_RATE] if len(chain) else [])]
-        numbers = np.array(codes, dtype=np.int64)
-        size = len(codes)
-        gains, whitening, out = np.zeros((n, size, 2)), np.zeros((n, 3)), np.zeros((n, 2))
-        transition, sensing = np.zeros((n, size, size)), np.zeros((n, size, 2))
+        numbers = np.array([*codes, *([] if s.pressure is None else [PRESSURE_OFFSET])], dtype=np.int64)
+        size, channels = len(numbers), len(s.noise)
+        gains, whitening, out = (np.zeros((n, k, channels)) for k in (size, channels, 1))
+        transition, sensing = np.zeros((n, size, size)), np.zeros((n, size, channels))
         path = kalman(
             *(FULL_LAYOUT.alone(table)[0], s.commands, s.command_before, s.measured(vector[TABLE]), numbers),
             *(*deviations(table, s, levels, numbers), s.found_by, start_state(table, s), self.decay(s)),
-            *(s.dt, TOLERANCE, chain, gains, whitening, out, transition, sensing),
+            *(s.dt, TOLERANCE, chain, vector[TABLE + 2], gains, whitening, out[:, 0], transition, sensing),
         )
-        return FilteredSegment(s, numbers, gains, whitening, out, path, transition, sensing)
+        return FilteredSegment(s, numbers, gains, whitening, out[:, 0], path, transition, sensing)
 
     def decay(self, s: Segment) -> float:
         """Part of the random force that is left after a sample [-]."""
@@ -174,7 +193,7 @@ class Predictor(Likelihood):
         """Log likelihood of the filter's own innovations by block of a second, shape (b,); −inf where a run is lost."""
         found = []
         for run in self.runs:
-            w, white = self._seen(run.segment, run.whitening[:, [0, 2]]), self._white(run, run.innovations)
+            w, white = self._seen(run.segment, run.weights), self._white(run, run.innovations)
             with np.errstate(divide="ignore"):
                 terms = np.sum(np.where(w > 0.0, np.log(w) - 0.5 * white**2, 0.0), axis=1)
             found.append(np.bincount(self._blocks(run), np.nan_to_num(terms, nan=-(LOST**2))))
@@ -185,12 +204,8 @@ class Predictor(Likelihood):
         return samples[s.start :]
 
     def _white(self, run: FilteredSegment, innovations: np.ndarray) -> np.ndarray:
-        """Innovations (n, 2) whitened, of the samples that count."""
-        w = run.whitening
-        white = np.column_stack(
-            [w[:, 0] * innovations[:, 0], w[:, 1] * innovations[:, 0] + w[:, 2] * innovations[:, 1]]
-        )
-        return self._seen(run.segment, white)
+        """Innovations (n, m) whitened, of the samples that count."""
+        return self._seen(run.segment, np.einsum("ncd,nd->nc", run.whitening, innovations))
 
     def _blocks(self, run: FilteredSegment) -> np.ndarray:
         """Number of the block of a second of each sample that counts."""
@@ -200,7 +215,7 @@ class Predictor(Likelihood):
     @property
     def count(self) -> int:
         """Number of residuals that count."""
-        return sum(int(np.count_nonzero(self._seen(r.segment, r.whitening[:, [0, 2]]))) for r in self.runs)
+        return sum(int(np.count_nonzero(self._seen(r.segment, r.weights))) for r in self.runs)
 
     def residuals(self, vectors: np.ndarray) -> np.ndarray:
         """Whitened innovations for rows of parameter vectors, shape (m, WIDTH) → (m, N)."""
@@ -219,25 +234,25 @@ class Predictor(Likelihood):
 
     def _run(self, vectors: np.ndarray, run: FilteredSegment, i: int) -> np.ndarray:
         s, vector = run.segment, vectors[i]
-        out = np.empty((len(s.commands), 2))
+        out = np.empty((len(s.commands), len(s.noise)))
         following = i > 0 and len(run.pace) > 0
         predict(
             *(FULL_LAYOUT.alone(vector[:TABLE])[0], s.commands, s.command_before, s.measured(vector[TABLE]), run.codes),
             *(run.gains, start_state(vector[:TABLE], s), self.decay(s), s.dt, TOLERANCE),
-            *(chain_of(vector, s.dt), run.pace, following, out),
+            *(chain_of(vector, s.dt), vector[TABLE + 2], run.pace, following, out),
         )
         return np.clip(np.nan_to_num(self._white(run, out), nan=LOST, posinf=LOST, neginf=-LOST), -LOST, LOST).ravel()
 
     def run_sizes(self) -> list[int]:
         """Number of residuals of each run."""
-        return [2 * len(self._blocks(run)) for run in self.runs]
+        return [len(run.segment.noise) * len(self._blocks(run)) for run in self.runs]
 
     def blocks(self) -> np.ndarray:
         """Number of the block of a second that each residual belongs to, shape (N,)."""
         found, first = [], 0
         for run in self.runs:
             numbers = first + self._blocks(run)
-            found.append(np.repeat(numbers, 2))
+            found.append(np.repeat(numbers, len(run.segment.noise)))
             first = int(numbers[-1]) + 1
         return np.concatenate(found)
 
@@ -249,12 +264,16 @@ class SlowRuns(Predictor):
     truth; what is slow is a single valley from far off.
     """
 
-    own_levels = ("position", "acceleration")
     floor = 0.05  # contacts leave more than the noise of any model, and every effect takes some of that
     difference = OVER_RIPPLES
 
     def __init__(self, segments: Sequence[Segment], levels: Levels) -> None:
         super().__init__(segments, replace(levels, force=LIMITS["force"][0]))
+
+    @property
+    def own_levels(self) -> tuple[str, ...]:
+        """Levels of the sensors."""
+        return SIGNALS[: len(self.segments[0].noise)]
 
     def _every(self, s: Segment) -> int:
         """Samples from one that counts to the next: as many as are independent in the band."""
@@ -264,8 +283,8 @@ class SlowRuns(Predictor):
         return samples[s.start :: self._every(s)]
 
     def _white(self, run: FilteredSegment, innovations: np.ndarray) -> np.ndarray:
-        s, w = run.segment, run.whitening
-        white = np.nan_to_num(w[:, [0, 2]] * innovations, nan=LOST, posinf=LOST, neginf=-LOST)
+        s = run.segment
+        white = np.nan_to_num(run.weights * innovations, nan=LOST, posinf=LOST, neginf=-LOST)
         slow = low_pass(white.T, s.dt, SLOW).T * math.sqrt(self._every(s))
         slow[:, 0] = np.gradient(slow[:, 0], s.dt) * math.sqrt(3.0) / (2.0 * math.pi * SLOW)  # as of the velocity
         return self._seen(s, slow)
@@ -309,11 +328,13 @@ def deviations(
         BIAS: (levels.bias, levels.bias_drift * math.sqrt(s.dt)),
         FILTERED: (1.0, 0.0),
         FILTER_RATE: (100.0, 0.0),
+        PRESSURE_OFFSET: (0.0 if s.pressure is None else float(np.ptp(s.pressure)), 0.0),
     }
     first, settled = (np.array([size[int(c)][i] for c in codes]) for i in (0, 1))
     loose = max(force, SETTLING * s.loudness) * math.sqrt(1.0 - left**2)
     process = np.array([np.where(codes == FORCE, loose, settled), settled])
-    return first, process, np.array([levels.position * s.noise[0], levels.acceleration * s.noise[1]])
+    sensors = [getattr(levels, name) * noise for name, noise in zip(SIGNALS, s.noise, strict=False)]
+    return first, process, np.array(sensors)
 
 
 def chain_of(vector: np.ndarray, dt: float) -> np.ndarray:
@@ -342,6 +363,7 @@ LIMITS = {  # within which levels of noise are estimated
     "force": (1e-4, 10.0),
     "acceleration": (1.0, 1e3),
     "position": (1.0, 1e3),
+    "pressure": (1.0, 1e3),
     "null_drift": (1e-7, 1e-1),
     "memory": (4e-3, 0.1),
 }

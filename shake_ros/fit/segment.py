@@ -26,8 +26,9 @@ class Segment:
     ----------
     name : of the recording. run : its number. dt : [s]. commands : [-]. command_before : before the first one [-].
     position : [m]. acceleration : [m/s²], NaN where it was not measured. velocity : at the first sample [m/s].
+    pressure : of chamber A less that of B [Pa]; None where it was not measured.
     begin : time of the first sample since the recording's start [s].
-    noise : standard deviation of the sensors' noise of position [m] and acceleration [m/s²].
+    noise : standard deviation of the noise of position [m], acceleration [m/s²] and, if measured, pressure [Pa].
     """
 
     name: str
@@ -39,7 +40,8 @@ class Segment:
     acceleration: Array
     velocity: float
     begin: float
-    noise: tuple[float, float]
+    noise: tuple[float, ...]
+    pressure: Array | None = None
 
     @classmethod
     def of(cls, record: Record) -> Segment:
@@ -50,6 +52,7 @@ class Segment:
         noise = (
             float(np.hypot(record.position_noise(), floor)),
             1.0 if record.acceleration is None else record.acceleration_noise(),
+            *(() if record.pressure is None else (record.pressure_deviation(),)),
         )
         return cls(
             record.name,
@@ -62,6 +65,7 @@ class Segment:
             float(record.velocity[0]),
             record.begin,
             noise,
+            record.pressure,
         )
 
     @cached_property
@@ -72,14 +76,14 @@ class Segment:
         return CubicSpline(np.flatnonzero(good) * self.dt, self.acceleration[good])
 
     def measured(self, delay: float = 0.0) -> Array:
-        """Position and acceleration, shape (n, 2); the acceleration as it was `delay` later [s]."""
+        """Position, acceleration as it was `delay` later [s], and pressure if it was measured, shape (n, m)."""
         felt = self.acceleration
         if delay and self._spline is not None:
             time = np.arange(len(felt)) * self.dt + delay
             inside = (time >= 0.0) & (time <= (len(felt) - 1) * self.dt)
             near = np.clip(np.rint(time / self.dt).astype(int), 0, len(felt) - 1)
             felt = np.where(inside & np.isfinite(felt[near]), self._spline(time), np.nan)
-        return np.column_stack([self.position, felt])
+        return np.column_stack([self.position, felt, *(() if self.pressure is None else (self.pressure,))])
 
     @cached_property
     def loudness(self) -> float:

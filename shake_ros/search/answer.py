@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from shake_ros.core.discovery.candidates import CandidateEffect
 from shake_ros.core.discovery.given_answer import GivenAnswer
 from shake_ros.core.discovery.problem import ModelStructure
@@ -13,10 +15,10 @@ from shake_ros.core.identification.free_parameters import is_of_recording
 from shake_ros.core.identification.recordings import Record, windows
 from shake_ros.core.identification.sensor_filter import SensorFilter, filter_of
 from shake_ros.core.identification.sensor_pair import BASE, base_between
-from shake_ros.core.plant.parameters import FULL_LAYOUT
+from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.explain.backlash import BACKLASH, shows_backlash, width_of_gap
 from shake_ros.fit.likelihood import FreeRuns, Levels, ShakenRuns
-from shake_ros.fit.model import SENSOR_DELAY, SENSOR_FILTER, FreeModel, TriedEffect, start_of
+from shake_ros.fit.model import SENSOR_DELAY, SENSOR_FILTER, SENSOR_SCALE, FreeModel, TriedEffect, start_of
 from shake_ros.fit.prediction import Predictor, SlowRuns
 from shake_ros.fit.segment import Segment, pieces
 from shake_ros.fit.solver import Budget
@@ -59,7 +61,7 @@ def answer(
     search = SetSearch(data, effects_tried(model, estimation, slow), budget, progress, shown, certain)
     unknown, shaken = model.simulator.nuisances, estimation[0].explained is not None
     behind = filter_of(estimation[0]) if unknown and not shaken else None
-    begin = beginning(model, behind)
+    begin = beginning(model, behind, pressure_scale(model.table, estimation) if unknown else None)
     models, others, done = list[Scored](), dict[str, list[Scored]](), False
     with failures.step("search"):
         for better in search.run(begin, UNKNOWN if unknown else DECLARED):
@@ -92,23 +94,32 @@ def search_data(
     return SearchData(*(runs([Segment.of(r) for r in part], Levels()) for part in parts))
 
 
-def beginning(model: ModelStructure, behind: SensorFilter | None) -> FreeModel:
+def beginning(model: ModelStructure, behind: SensorFilter | None, pressure: float | None) -> FreeModel:
     """The model with the effects that show without a search, from which it begins.
 
     behind : delay and filter of the accelerometer, where these are free: of an unknown table that its command explains.
+    pressure : scale of the pressures measured, where it is free.
     """
     own = [p for p in (*model.free, *model.late) if not is_of_recording(p.name)]
-    found = start_of(model.table, own)
-    if behind is not None:
-        found = start_of(model.table, (*own, SENSOR_DELAY, SENSOR_FILTER))
-        x = found.x.copy()
-        x[-1] = behind.by_filter / SENSOR_FILTER.scale  # the delay beside it has been taken out of the recordings
-        found = found.at(x)
+    start = {} if pressure is None else {SENSOR_SCALE: pressure}
+    if behind is not None:  # the delay beside the filter has been taken out of the recordings
+        start |= {SENSOR_DELAY: 0.0, SENSOR_FILTER: behind.by_filter}
+    found = start_of(model.table, (*own, *start))
+    found = found.at(np.concatenate([found.x[: len(own)], [value / p.scale for p, value in start.items()]]))
     for c in model.candidates:
         if model.fitted is not None and c.effect in model.shown:
             values = {p.name: model.fitted.value(p.name) for p in c.free}
             found = found.with_effect(tried(c, slow=True), values)  # a backlash that shows is searched slowly
     return found
+
+
+def pressure_scale(table: TableParameters, records: Sequence[Record]) -> float | None:
+    """Load pressure measured, over what moves the mass of a table; None where none was measured."""
+    both = [(r.pressure, r.acceleration) for r in records]
+    sizes = [float(np.std(p) / np.std(a)) for p, a in both if p is not None and a is not None]
+    if not sizes:
+        return None
+    return float(np.median(sizes)) * table.value("body.piston_area") / table.moved_mass
 
 
 def found_filter(model: FreeModel, before: SensorFilter) -> SensorFilter:

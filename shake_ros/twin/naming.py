@@ -410,7 +410,7 @@ def free_run_shares(vectors: np.ndarray, records: Sequence[Record]) -> np.ndarra
 
 def _left(vector: np.ndarray, r: Record) -> np.ndarray:
     """What a free run leaves of the acceleration."""
-    lag = float(vector[TABLE + SENSOR.index(SENSOR_FILTER.name)]) if len(vector) > TABLE else 0.0
+    lag = float(vector[TABLE + list(SENSOR).index(SENSOR_FILTER.name)]) if len(vector) > TABLE else 0.0
     late = SensorFilter(lag, lag).applied(r)
     return late.acceleration_left(FULL.simulate(vector[None, :TABLE], late)[1])
 

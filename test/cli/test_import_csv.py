@@ -149,11 +149,17 @@ def test_a_column_may_have_an_offset(tmp_path):
     assert np.allclose(recording.valve_command, np.sin(ROWS), atol=1e-8)
 
 
-def test_pressures_are_kept_and_are_said_to_be_used_by_no_fit(tmp_path, capsys):
+def test_the_load_pressure_of_one_transducer_or_of_two_is_said_to_be_fitted(tmp_path, capsys):
     recording = run(tmp_path, TABLE, "--pressure_a", "a*1e5", "--pressure_supply", "u*1e5+2e7")
     assert np.allclose(recording.pressure_a, 1e5 * (np.arange(5) + 0.5))
     assert np.allclose(recording.pressure_supply, 2e7 + 1e4 * np.arange(5))
-    assert "identify and close_loop do not use them" in capsys.readouterr().out
+    assert recording.load is None
+    assert "load pressure" not in capsys.readouterr().out
+    both = run(tmp_path, TABLE, "--pressure_a", "a*1e5", "--pressure_b", "u*1e5", "--overwrite")
+    one = run(tmp_path, TABLE, "--pressure_load", "a*1e5", "--overwrite")
+    assert np.allclose(both.load, both.pressure_a - both.pressure_b)
+    assert np.allclose(one.load, 1e5 * (np.arange(5) + 0.5))
+    assert capsys.readouterr().out.count("load pressure: identify and close_loop fit it as well") == 2
 
 
 def test_rows_that_are_there_twice_are_left_out_and_reported(tmp_path, capsys):

@@ -217,7 +217,7 @@ def test_an_established_answer_ends_the_series(table, small_motion, monkeypatch)
     closed = SimpleNamespace(verdicts=[SimpleNamespace(state="established")], search=search)
     found = SimpleNamespace(
         model=sr.model("full"), table=table, closed=closed, estimation=small_motion, records=small_motion, rivals=(),
-        open=False, remaining=SimpleNamespace(above_noise=False), unused=(),
+        open=False, remaining=SimpleNamespace(above_noise=False),
     )  # fmt: skip
     asked = next_recording(found, progress=False)
     assert not asked.open and asked.motion is None
@@ -241,7 +241,7 @@ def alike(table, small_motion):
 def test_what_the_motion_does_not_tell_the_pressure_and_the_force_of_the_rod_do(alike):
     designer, shown = alike
     assert shown.separations[0].gain < HARDLY
-    found = remedies(designer, shown, lacking(further_sensors(), designer.like, ()))
+    found = remedies(designer, shown, lacking(further_sensors(), designer.like))
     gains = {name: made[0].gain for name, made in found.items()}
     assert gains["chamber pressure sensors"] > ENOUGH
     assert gains["load cell on the rod"] > ENOUGH
@@ -258,18 +258,19 @@ def test_a_payload_distinguishes_what_moves_in_the_same_way_without_it(alike):
 
 
 def test_only_what_the_table_lacks_is_a_further_sensor(small_motion):
-    names = [s.name for s in lacking(further_sensors(), small_motion[0], ("pressure_a", "pressure_b"))]
+    known = dataclasses.replace(small_motion[0], pressure=small_motion[0].position)
+    names = [s.name for s in lacking(further_sensors(), known)]
     assert "chamber pressure sensors" not in names
     assert "second accelerometer on the table" in names
     blind = dataclasses.replace(small_motion[0], acceleration=None)
-    names = [s.name for s in lacking(further_sensors(), blind, ())]
+    names = [s.name for s in lacking(further_sensors(), blind)]
     assert "accelerometer on the table" in names
     assert "chamber pressure sensors" in names
 
 
 def test_the_end_states_in_a_sentence_what_would_distinguish_the_rivals(alike):
     designer, shown = alike
-    sensors = lacking(further_sensors(), designer.like, ())
+    sensors = lacking(further_sensors(), designer.like)
     asked = NextRecording(
         ("heavier",), shown, LIMITS, 0.001, further=remedies(designer, shown, sensors), answers=(("a",), ("a", "b"))
     )

@@ -35,9 +35,7 @@ def within() -> Segment:
 
 def test_a_segment_that_begins_in_full_motion_is_followed_from_its_first_samples(within: Segment) -> None:
     (filtered,) = Predictor([within], LOOSE).filtered(VECTOR).runs
-    white = (
-        filtered.whitening[:, 1] * filtered.innovations[:, 0] + filtered.whitening[:, 2] * filtered.innovations[:, 1]
-    )
+    white = np.sum(filtered.whitening[:, 1] * filtered.innovations, axis=1)
     first = float(np.sqrt(np.mean(white[:100] ** 2)))
     later = float(np.sqrt(np.mean(white[1000:] ** 2)))
     print(

@@ -8,7 +8,7 @@ from hidden_table import TRUE, record
 
 from shake_ros.core.identification.explained_band import limited
 from shake_ros.core.identification.recording_problem import CALM, RecordingProblem
-from shake_ros.core.identification.recordings import FULL, Record
+from shake_ros.core.identification.recordings import FULL, Compared, Record
 from shake_ros.fit.likelihood import FreeRuns, Levels, ShakenRuns
 from shake_ros.settings import load_table
 
@@ -43,9 +43,9 @@ def test_a_run_that_rings_beyond_the_band_costs_by_how_much_the_table_rings_ther
     class Ringing(type(FULL)):  # type: ignore[misc]
         """The full model with ringing that no command explains."""
 
-        def simulate(self, vectors: np.ndarray, r: Record, injection: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-            velocity, acceleration = FULL.simulate(vectors, r, injection)
-            return velocity, acceleration + ringing
+        def compared(self, vectors: np.ndarray, r: Record, injection: float = 0.0) -> Compared:
+            found = FULL.compared(vectors, r, injection)
+            return found._replace(acceleration=found.acceleration + ringing)
 
     vector = TABLE.vector()[None, :]
     calm, rings = (np.sum(RecordingProblem([first], m).residuals(vector) ** 2) for m in (FULL, Ringing()))

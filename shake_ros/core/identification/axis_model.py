@@ -13,7 +13,7 @@ from typing import ClassVar, final
 import numpy as np
 
 from shake_ros.core.identification.recording_problem import BLOCK
-from shake_ros.core.identification.recordings import DeclaredModel, Record
+from shake_ros.core.identification.recordings import Compared, DeclaredModel, Record
 from shake_ros.core.identification.slow_changes import DRIFT, LEVEL, OFFSET, SlowChange, changed, found_changes
 from shake_ros.core.identification.velocity_filter import CUTOFF, low_pass
 from shake_ros.core.plant.axis import AXIS_LAYOUT, AxisParameters, accelerations, initial_state, run_batch
@@ -32,17 +32,10 @@ class AxisModel(DeclaredModel):
 
     positions: ClassVar[bool] = True
 
-    def simulate(self, vectors: np.ndarray, record: Record, injection: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """Velocity and acceleration for rows of parameters."""
-        velocity, acceleration, _ = self.compared(vectors, record, injection)
-        return velocity, acceleration
-
-    def compared(
-        self, vectors: np.ndarray, record: Record, _injection: float = 0.0
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Velocity, acceleration and position for rows of parameters, with what the recording has of its own."""
+    def compared(self, vectors: np.ndarray, record: Record, _injection: float = 0.0) -> Compared:
+        """Velocity, acceleration and position, with what the recording has of its own."""
         out = self._free_runs(vectors, record, record.track)
-        return out[:, :, 1], out[:, :, 2], out[:, :, 0]
+        return Compared(out[:, :, 1], out[:, :, 2], out[:, :, 0])
 
     def run(self, table: TableParameters, record: Record) -> np.ndarray:
         """Free run with the columns of plant.axis.COLUMNS; the position is the run's own everywhere."""

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -48,6 +49,7 @@ WITHIN = 1.3  # factor by which the recordings must be seen beyond a hydraulic f
 GAIN_FROM = ("valve.flow_coefficient", "body.piston_area", "supply.supply_pressure")
 FREQUENCY_FROM = ("bulk_modulus.modulus", "body.cylinder_volume", "body.table_mass", "body.piston_area")
 NEAR = 0.002  # part of the stroke by which a zero of the position may be wrong
+ANOTHER_UNIT = 30.0  # factor between the force of a load pressure and that of inertia that no friction explains
 
 
 def data_checks(records: Sequence[Record]) -> list[str]:
@@ -219,3 +221,37 @@ def within_stroke(records: Sequence[Record], stroke: float) -> tuple[list[Record
         line = next(line for line in lines if line.startswith(f"{lost[0]}: "))
         raise ShakeError(f"{line}: is the stroke (body.stroke), or the zero of the position, right?")
     return found, tuple(lines)
+
+
+def usable_pressures(records: Sequence[Record], table: TableParameters | None) -> tuple[list[Record], tuple[str, ...]]:
+    """Recordings without load pressures that cannot be those of the table's piston, and a line on each of these.
+
+    Over a recording the piston does work on the table, which friction takes; and its force is of the size of inertia.
+
+    Parameters
+    ----------
+    table : declared; None where its pressures have no unit.
+    """
+    found, lines = list[Record](), list[str]()
+    for record in records:
+        line = "" if record.pressure is None else _wrong_pressure(record, table)
+        found.append(replace(record, pressure=None) if line else record)
+        lines += [f"{record.name}: {line}: left out"] if line else []
+    return found, tuple(dict.fromkeys(lines))
+
+
+def _wrong_pressure(record: Record, table: TableParameters | None) -> str:
+    """What speaks against a load pressure; empty where nothing does."""
+    assert record.pressure is not None
+    span = slice(record.start, None)
+    pressure = record.pressure[span] - np.mean(record.pressure[span])
+    felt = record.acceleration if record.acceleration is not None else np.gradient(record.velocity, record.sample_time)
+    felt = felt[span] - np.mean(felt[span])
+    if max(correlation(pressure, record.velocity[span]), correlation(pressure, felt)) < 0.0:
+        return "the load pressure pushes against the motion (chambers A and B exchanged?)"
+    if table is None or not np.any(felt):
+        return ""
+    ratio = float(np.std(pressure) / np.std(felt)) * table.value("body.piston_area") / table.moved_mass
+    if 1.0 / ANOTHER_UNIT < ratio < ANOTHER_UNIT:
+        return ""
+    return f"the load pressure makes {ratio:.2g} times the force of inertia of the declared mass (another unit?)"

@@ -57,8 +57,8 @@ class Prepared:
 
     full_scale : of the recorded command, which counts as 1 from here on. sensors : what position and acceleration tell
     of each other at first; the recordings' `delay` has been taken out but that of a filter with their `cutoff`.
-    ahead : time by which commands that were recorded late have been moved (late_command.py) [s]. stops : a line on each
-    recording that meets an end stop (data_checks.py).
+    ahead : time by which commands that were recorded late have been moved (late_command.py) [s]. stops : a line on
+    what of the recordings no fit uses (data_checks.py).
     """
 
     estimation: list[Record]
@@ -245,6 +245,7 @@ def thinned(record: Record) -> Record:
         commands=commands,
         position=fewer(record.position),
         acceleration=None if record.acceleration is None else averaged(record.acceleration),
+        pressure=None if record.pressure is None else averaged(record.pressure),
         valid=np.logical_and.reduce(record.whole[: count * factor].reshape(count, factor), axis=1),
     )
 

@@ -2,19 +2,21 @@
 
 Open-loop positions drift, so velocity and acceleration are fitted. The simulated velocity goes through the filter that
 the measured one has gone through (filtered against filtered). Of a force-driven axis the position is fitted as well: it
-is what was measured, and a drift of its free run is that of the force.
+is what was measured, and a drift of its free run is that of the force. Where the pressures of both chambers were
+measured their difference is fitted, but for its offset, and for its scale where the table's pressures have no unit.
 """
 
 from __future__ import annotations
 
 import copy
 import math
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
 from shake_ros.core.identification.fit import LOST
-from shake_ros.core.identification.recordings import FULL, MODEL_FLOOR, DeclaredModel, Record, relative_error
+from shake_ros.core.identification.recordings import FULL, MODEL_FLOOR, Compared, DeclaredModel, Record, relative_error
 from shake_ros.core.identification.velocity_filter import filtered_velocity, independent_part, low_pass
 from shake_ros.core.plant.simulation import workers
 
@@ -43,6 +45,7 @@ class RecordingProblem:
         self.velocity_weights = []
         self.acceleration_weights = []
         self.position_weights = []
+        self.pressure_weights = []
         for r in records:
             independent = independent_part(r.sample_time, r.every)
             velocity, acceleration = r.deviations()
@@ -53,6 +56,7 @@ class RecordingProblem:
                 self.position_weights.append(1.0 / np.hypot(r.position_noise(), floor))
             else:
                 self.position_weights.append(0.0)
+            self.pressure_weights.append(1.0 / r.pressure_deviation() if self._compares_pressure(r) else 0.0)
 
     @property
     def smooth(self) -> bool:
@@ -81,17 +85,28 @@ class RecordingProblem:
 
     def simulate(self, vectors: np.ndarray, record: Record) -> tuple[np.ndarray, np.ndarray]:
         """Filtered velocity and acceleration of one recording, each of shape (m, n)."""
-        return self._motion(vectors, record)[:2]
+        found = self._compared(vectors, record)
+        return found.velocity, found.acceleration
 
-    def _motion(self, vectors: np.ndarray, record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        velocity, acceleration, position = self.model.compared(vectors, record, self.injection)
+    def _compared(self, vectors: np.ndarray, record: Record) -> Compared:
+        velocity, acceleration, position, pressure = self.model.compared(vectors, record, self.injection)
         velocity = filtered_velocity(velocity, record.sample_time)
+        seen = np.arange(len(record.commands)) >= record.start
         if self.model.nuisances:
-            seen = np.arange(len(record.commands)) >= record.start
             velocity = self._with_offset(velocity, record.velocity, seen)
             if record.acceleration is not None:
                 acceleration = self._with_offset(acceleration, record.acceleration, seen & record.whole)
-        return velocity, acceleration, position
+        if pressure is not None and record.pressure is not None:
+            if self.model.nuisances:  # pressures in a gauge of their own
+                centred = pressure - np.mean(pressure[:, seen], axis=1, keepdims=True)
+                square = np.sum(centred[:, seen] ** 2, axis=1)
+                scale = centred[:, seen] @ record.pressure[seen] / np.maximum(square, 1e-300)
+                pressure = scale[:, None] * pressure
+            pressure = self._with_offset(pressure, record.pressure, seen)
+        return Compared(velocity, acceleration, position, pressure)
+
+    def _compares_pressure(self, record: Record) -> bool:
+        return record.pressure is not None and self.model.pressures
 
     @staticmethod
     def _with_offset(simulated: np.ndarray, measured: np.ndarray, seen: np.ndarray) -> np.ndarray:
@@ -101,17 +116,17 @@ class RecordingProblem:
     def residuals(self, vectors: np.ndarray) -> np.ndarray:
         """Weighted residuals of all recordings, shape (m, n)."""
         with ThreadPoolExecutor(workers()) as pool:
-            runs = list(pool.map(lambda record: self._motion(vectors, record), self.records))
+            runs = list(pool.map(lambda record: self._compared(vectors, record), self.records))
         parts = []
-        weights = zip(self.velocity_weights, self.acceleration_weights, self.position_weights, strict=True)
-        for record, (velocity, acceleration, position), (w_v, w_a, w_x) in zip(
-            self.records, runs, weights, strict=True
-        ):
+        for record, run, (w_v, w_a, w_x, w_p) in zip(self.records, runs, self._weights(), strict=True):
+            velocity, acceleration, position, pressure = run
             parts.append(w_v * (velocity - record.velocity)[:, record.start :])
             if record.acceleration is not None:
                 parts.append(-w_a * record.acceleration_left(acceleration))
             if position is not None:
                 parts.append(w_x * (position - record.position)[:, record.start :])
+            if pressure is not None and record.pressure is not None:
+                parts.append(w_p * (pressure - record.pressure)[:, record.start :])
             own = slice(len(parts) - self._channels(record), len(parts))
             parts[own] = [self._in_band(part, record) for part in parts[own]]
             if record.acceleration is not None and record.explained is not None:
@@ -146,7 +161,13 @@ class RecordingProblem:
         return sum(self.run_sizes())
 
     def _channels(self, record: Record) -> int:
-        return 1 + (record.acceleration is not None) + self.model.positions
+        others = record.acceleration is not None, self.model.positions, self._compares_pressure(record)
+        return 1 + sum(others)
+
+    def _weights(self) -> Iterator[tuple[float, float, float, float]]:
+        """Of velocity, acceleration, position and pressure, record by record."""
+        own = self.velocity_weights, self.acceleration_weights, self.position_weights, self.pressure_weights
+        return zip(*own, strict=True)
 
     @property
     def noise_name(self) -> str:
@@ -160,8 +181,7 @@ class RecordingProblem:
         Noise that comes from the periods of a recording has what no command tells in it already.
         """
         total = 0.0
-        weights = zip(self.velocity_weights, self.acceleration_weights, self.position_weights, strict=True)
-        for record, (w_v, w_a, w_x) in zip(self.records, weights, strict=True):
+        for record, (w_v, w_a, w_x, w_p) in zip(self.records, self._weights(), strict=True):
             n = len(self._samples(record))
             share = 1.0 if record.noise_from_periods else self.unpredictable
             total += share * n * (w_v * record.velocity_noise()) ** 2
@@ -170,6 +190,8 @@ class RecordingProblem:
                 total += share * valid * (w_a * record.acceleration_noise()) ** 2
             if self.model.positions:
                 total += n * (w_x * record.position_noise()) ** 2
+            if self._compares_pressure(record):
+                total += share * n * (w_p * record.pressure_noise()) ** 2
         return float(total / self.count)
 
     def blocks(self, parameters: int = 0) -> np.ndarray:

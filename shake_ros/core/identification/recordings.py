@@ -14,7 +14,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import ClassVar, final
+from typing import ClassVar, NamedTuple, final
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from shake_ros.core.identification.velocity_filter import (
     velocity_noise_gain,
 )
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableLayout, TableParameters
-from shake_ros.core.plant.simulation import NOTHING, SMOOTH, UNSEEN, initial_state, run, run_batch
+from shake_ros.core.plant.simulation import COLUMNS, NOTHING, SMOOTH, UNSEEN, initial_state, run, run_batch
 from shake_ros.core.plant.states import CLOCK, VELOCITY
 from shake_ros.core.quantities import ShakeError
 
@@ -38,26 +38,30 @@ QUIET = 4.0  # … below so many times its noise
 OVER = 0.8  # of the samples that a band needs where a filter ended at its highest frequency at once
 LONGER = 3.0
 MODEL_FLOOR = 2e-3  # part of a channel's rms that counts as noise at least
+TRANSDUCER_CLASS = 0.01  # the same of a pressure: gain and linearity of common transducers
+MOTION, CHAMBERS = (1, 2), (COLUMNS.index("pressure_a"), COLUMNS.index("pressure_b"))
 
 
 @dataclass(frozen=True)
 class ExplainedBand:
     """Where the command explains the response, see explained_band.py.
 
-    highest : frequency of it [Hz]. velocity, acceleration : standard deviation of what it leaves of them there [m/s],
-    [m/s²]. beyond : that of the acceleration above [m/s²].
+    highest : frequency of it [Hz]. beyond : standard deviation of the acceleration above [m/s²].
+    velocity, acceleration, pressure : of what it leaves of them there [m/s], [m/s²], [Pa].
     """
 
     highest: float
+    beyond: float
     velocity: float
     acceleration: float
-    beyond: float
+    pressure: float = 0.0
 
 
 @dataclass(frozen=True)
 class Record:
-    """One recording or a piece of it, all arrays of shape (n,), SI units; acceleration may be absent.
+    """One recording or a piece of it, all arrays of shape (n,), SI units; acceleration and pressure may be absent.
 
+    pressure : of chamber A less that of chamber B [Pa]; the offset of the transducers is not known.
     begin : time of the first sample since the recording's start [s]. command_before : before the first sample [-],
         null where the recording begins with the motion. moved : False of a command alone, at a place.
     delay : of the accelerometer [s], which has been taken out but for that of a filter. cutoff : of that filter [Hz];
@@ -73,6 +77,7 @@ class Record:
     commands: np.ndarray
     position: np.ndarray
     acceleration: np.ndarray | None = None
+    pressure: np.ndarray | None = None
     begin: float = 0.0
     command_before: float = 0.0
     moved: bool = True
@@ -104,6 +109,7 @@ class Record:
             commands=self.commands[span],
             position=self.position[span],
             acceleration=None if self.acceleration is None else self.acceleration[span],
+            pressure=None if self.pressure is None else self.pressure[span],
             begin=self.begin + first * self.sample_time,
             command_before=float(self.commands[first - 1]) if first else self.command_before,
             valid=None if self.valid is None else self.valid[span],
@@ -195,6 +201,18 @@ class Record:
         floor = MODEL_FLOOR * float(np.std(self.acceleration[span]))
         return velocity, math.hypot(self.acceleration_noise(), floor)
 
+    def pressure_noise(self) -> float:
+        """Standard deviation of the noise of the load pressure [Pa], not below that of its rounding."""
+        assert self.pressure is not None
+        if self.explained is not None:
+            return self.explained.pressure
+        return max(white_deviation(self.pressure), resolution(self.pressure) / math.sqrt(12.0))
+
+    def pressure_deviation(self) -> float:
+        """Deviation of the load pressure that counts as noise, not below what transducers of their class err [Pa]."""
+        assert self.pressure is not None
+        return math.hypot(self.pressure_noise(), TRANSDUCER_CLASS * float(np.std(self.pressure[self.start :])))
+
     @cached_property
     def _white_acceleration(self) -> float:
         assert self.acceleration is not None
@@ -250,6 +268,21 @@ def longest(records: Sequence[Record]) -> list[Record]:
     return [max((r for r in records if r.name == name), key=lambda r: len(r.commands)) for name in names]
 
 
+class Compared(NamedTuple):
+    """What is compared of free runs, each of shape (m, n).
+
+    Attributes
+    ----------
+    velocity : unfiltered [m/s]. acceleration : [m/s²]. position : of models that compare it [m].
+    pressure : in chamber A less that in B, where the recording has it [Pa].
+    """
+
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    position: np.ndarray | None = None
+    pressure: np.ndarray | None = None
+
+
 class DeclaredModel(ABC):
     """A declared model: the layout of its tables, and its free runs over recordings. MODELS has all of them by name.
 
@@ -259,7 +292,8 @@ class DeclaredModel(ABC):
     candidates_file : file of config/discovery with the effects it may lack. nuisances : whether the offset of each
     channel and recording is estimated with every fit. injects : whether a run can be corrected towards the measurement.
     smooth : whether its runs change with the parameters without small jumps, as friction makes them that holds a table
-    fast for whole steps. positions : whether the position of its free run is compared as well.
+    fast for whole steps. positions, pressures : whether the position of its free run is compared as well, and the load
+    pressure where it was measured.
     """
 
     layout: ClassVar[TableLayout]
@@ -269,6 +303,7 @@ class DeclaredModel(ABC):
     injects: ClassVar[bool] = False
     smooth: ClassVar[bool] = False
     positions: ClassVar[bool] = False
+    pressures: ClassVar[bool] = False
 
     @property
     def name(self) -> str:
@@ -289,17 +324,16 @@ class DeclaredModel(ABC):
         return True
 
     @abstractmethod
-    def simulate(self, vectors: np.ndarray, record: Record, injection: float = 0.0, /) -> tuple[np.ndarray, np.ndarray]:
-        """Unfiltered velocity [m/s] and acceleration [m/s²] for rows of parameters, each of shape (m, n).
+    def compared(self, vectors: np.ndarray, record: Record, injection: float = 0.0, /) -> Compared:
+        """What is compared of free runs for rows of parameters.
 
         injection : rate at which a model that `injects` is corrected towards what was measured [1/s].
         """
 
-    def compared(
-        self, vectors: np.ndarray, record: Record, injection: float = 0.0
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        """Velocity and acceleration as `simulate` gives them, and the position where `positions` are compared [m]."""
-        return *self.simulate(vectors, record, injection), None
+    def simulate(self, vectors: np.ndarray, record: Record, injection: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """Unfiltered velocity [m/s] and acceleration [m/s²] for rows of parameters, each of shape (m, n)."""
+        found = self.compared(vectors, record, injection)
+        return found.velocity, found.acceleration
 
     def contradicted(
         self,
@@ -349,9 +383,10 @@ class FullModel(DeclaredModel):
     candidates_file = "effects"
     injects = True
     smooth = True
+    pressures = True
 
-    def simulate(self, vectors: np.ndarray, record: Record, injection: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """Velocity and acceleration for rows of parameters."""
+    def compared(self, vectors: np.ndarray, record: Record, injection: float = 0.0) -> Compared:
+        """Velocity, acceleration and, where it was measured, the load pressure."""
         measured = record.motion if injection > 0.0 else record.beginning
         starts = np.array([initial_state(v, record.track[0]) for v in vectors])
         starts[:, VELOCITY] = record.velocity[0]
@@ -363,9 +398,11 @@ class FullModel(DeclaredModel):
             measured=measured,
             injection=injection or CORRECTION_RATE,
             cutoff=record.cutoff,
+            columns=MOTION if record.pressure is None else MOTION + CHAMBERS,
             tolerance=SMOOTH,
         )
-        return out[:, :, 0], out[:, :, 1]
+        pressure = None if record.pressure is None else out[:, :, 2] - out[:, :, 3]
+        return Compared(out[:, :, 0], out[:, :, 1], None, pressure)
 
     def run(self, table: TableParameters, record: Record) -> np.ndarray:
         """Free run with the columns of plant.simulation.COLUMNS."""

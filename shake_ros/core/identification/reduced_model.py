@@ -7,7 +7,7 @@ from typing import final
 
 import numpy as np
 
-from shake_ros.core.identification.recordings import DeclaredModel, Record
+from shake_ros.core.identification.recordings import Compared, DeclaredModel, Record
 from shake_ros.core.identification.velocity_filter import filtered_velocity
 from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.core.plant.reduced import REDUCED_LAYOUT, ReducedParameters
@@ -32,10 +32,10 @@ class ReducedModel(DeclaredModel):
             vectors, starts, record.commands, record.sample_time, record.track, command_before=command_before
         )
 
-    def simulate(self, vectors: np.ndarray, record: Record, _injection: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """Velocity and acceleration for rows of parameters."""
+    def compared(self, vectors: np.ndarray, record: Record, _injection: float = 0.0) -> Compared:
+        """Velocity and acceleration."""
         out = self._runs(vectors, record)
-        return out[:, :, 1], out[:, :, 2]
+        return Compared(out[:, :, 1], out[:, :, 2])
 
     def run(self, table: TableParameters, record: Record) -> np.ndarray:
         """Free run with the columns of plant.reduced_simulation.COLUMNS."""

@@ -16,7 +16,7 @@ from typing import ClassVar, final
 import numpy as np
 
 from shake_ros.core.identification.first_guess import FirstGuess
-from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
+from shake_ros.core.identification.recordings import FULL, Compared, DeclaredModel, Record
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
 
 NAME = "unknown"
@@ -39,6 +39,7 @@ class UnknownModel(DeclaredModel):
     nuisances: ClassVar[bool] = True
     injects: ClassVar[bool] = True
     smooth: ClassVar[bool] = True
+    pressures: ClassVar[bool] = True
 
     table: TableParameters | None = None
     unknown: tuple[str, ...] = ()
@@ -68,19 +69,19 @@ class UnknownModel(DeclaredModel):
         has = self.table is not None and effect in self.table.effects
         return not has and effect != "accelerometer_bias" and stands_for.get(effect) not in self.unknown
 
-    def simulate(self, vectors: np.ndarray, record: Record, injection: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """Velocity and acceleration for rows of parameters, behind which the recordings' null shifts may follow."""
+    def compared(self, vectors: np.ndarray, record: Record, injection: float = 0.0) -> Compared:
+        """As the full model, for rows of parameters behind which the recordings' null shifts may follow."""
         table, own = vectors[:, :TABLE], vectors[:, TABLE:]
         if not own.shape[1]:
-            return FULL.simulate(table, record, injection)
+            return FULL.compared(table, record, injection)
         if record.run < own.shape[1]:
             table = table.copy()
             table[:, OFFSET] += own[:, record.run]
         other = np.any(table != table[0], axis=1)  # the null shift of another recording changes nothing here
         other[0] = True
         row = np.where(other, np.cumsum(other) - 1, 0)
-        velocity, acceleration = FULL.simulate(table[other], record, injection)
-        return velocity[row], acceleration[row]
+        found = FULL.compared(table[other], record, injection)
+        return Compared(*(None if each is None else each[row] for each in found))  # type: ignore[arg-type]
 
     def run(self, table: TableParameters, record: Record) -> np.ndarray:
         """Free run with the columns of plant.simulation.COLUMNS."""

@@ -2,9 +2,10 @@
 
     ŷ_k = h(ẑ_k),   e_k = y_k − ŷ_k,   ẑ_{k+1} = f(ẑ_k + K_k e_k, u_k)
 
-y holds position and acceleration. The corrected coordinates of z are the table's states that an effect sets in motion
-and the disturbances that no command determines: a force per moved mass with a memory (Ornstein–Uhlenbeck), the null
-shift of the valve and the bias of the accelerometer, which drift. With K = 0 the predictor is the free run.
+y holds position and acceleration, and the load pressure where it was measured. The corrected coordinates of z are the
+table's states that an effect sets in motion and the disturbances that no command determines: a force per moved mass
+with a memory (Ornstein–Uhlenbeck), the null shift of the valve and the bias of the accelerometer, which drift, and the
+offset of the pressure. With K = 0 the predictor is the free run.
 
 The gains come from a square-root Kalman filter whose derivatives are central differences over one standard deviation
 in each direction, so friction that jumps within the uncertainty acts with its mean slope. Source: M. Nørgaard,
@@ -42,8 +43,8 @@ from shake_ros.core.plant.states import (
 )
 
 # Coordinates that are no state of the table, behind whose indices they are counted downwards from −1
-FORCE, NULL, BIAS, FILTERED, FILTER_RATE = -1, -2, -3, -4, -5
-AUXILIARY = 6  # length of the array that holds them, at minus their code
+FORCE, NULL, BIAS, FILTERED, FILTER_RATE, PRESSURE_OFFSET = -1, -2, -3, -4, -5, -6
+AUXILIARY = 7  # length of the array that holds them, at minus their code
 LEAST_DEVIATION = 1e-12  # of a coordinate, in its unit
 LARGEST_NULL = 0.3  # of the full command, up to which a null shift is corrected [-]
 
@@ -115,37 +116,48 @@ def advance_all(p, y, aux, commands, k, command_before, decay, dt, work, toleran
 
 
 @kernel
-def shown(p, y, aux, now, chain, row):
-    """What the sensors show at an instant: position [m] and acceleration [m/s²], into `row`."""
+def shown(p, y, aux, now, chain, scale, row):
+    """What the sensors show at an instant, into `row`: position [m], acceleration [m/s²] and load pressure [Pa].
+
+    scale : of a pressure shown, over that of the table [-].
+    """
     row[0] = position_sensor(p, y)
     row[1] = scaled(p, aux[4 + OUTPUT] if chain.shape[0] > 0 else now) + aux[3]
+    if row.shape[0] > 2:
+        row[2] = scale * (y[PRESSURE_A] - y[PRESSURE_B]) + aux[6]
 
 
 @njit
-def predict(p, commands, command_before, measured, codes, gains, y0, decay, dt, tolerance, chain, pace, following, out):
-    """Predicted position and acceleration of each sample from all that was measured before it.
+def predict(
+    p, commands, command_before, measured, codes, gains, y0, decay, dt, tolerance, chain, scale, pace, following, out
+):
+    """Predicted signals of each sample from all that was measured before it.
 
     Parameters
     ----------
     p : parameter record. commands : shape (n,) [-]. command_before : before the first one [-].
-    measured : position [m] and acceleration [m/s²], shape (n, 2); NaN where not measured.
-    codes : corrected coordinates, shape (s,). gains : K of every sample, shape (n, s, 2).
+    measured : position [m], acceleration [m/s²] and perhaps load pressure [Pa], shape (n, m); NaN where not measured.
+    codes : corrected coordinates, shape (s,). gains : K of every sample, shape (n, s, m).
     y0 : state at the first sample. decay : of the random force over a sample [-]. dt : [s].
-    tolerance, chain, pace, following : as in `simulate`.
-    out : innovations, shape (n, 2); 0 where nothing was measured.
+    scale : as of `shown`. tolerance, chain, pace, following : as in `simulate`.
+    out : innovations, shape (n, m); 0 where nothing was measured.
     """
-    y, aux, row = y0.copy(), np.zeros(AUXILIARY), np.zeros(2)
+    channels = measured.shape[1]
+    y, aux, row = y0.copy(), np.zeros(AUXILIARY), np.zeros(channels)
     work = workspace()
     pacing = pace.shape[0] > 0
     now = felt(p, y, acceleration_now(p, y, work[STAGE]))
     aux[4 + OUTPUT] = now
     for i in range(commands.shape[0]):
-        shown(p, y, aux, now, chain, row)
-        for c in range(2):
+        shown(p, y, aux, now, chain, scale, row)
+        for c in range(channels):
             e = measured[i, c] - row[c]
             out[i, c] = e if math.isfinite(measured[i, c]) else 0.0
         for j in range(codes.shape[0]):
-            shift(p, y, aux, codes[j], gains[i, j, 0] * out[i, 0] + gains[i, j, 1] * out[i, 1])
+            amount = 0.0
+            for c in range(channels):
+                amount += gains[i, j, c] * out[i, c]
+            shift(p, y, aux, codes[j], amount)
         if pacing:
             begin_sample(work[PACE], pace[i], following)
         now = advance_all(p, y, aux, commands, i, command_before, decay, dt, work, tolerance, chain, now)
@@ -171,34 +183,57 @@ def factor(a, n, lower):
 
 
 @kernel
-def whitener(s_11, s_21, s_22, has_x, has_a):
-    """w_11, w_21, w_22 of the lower factor W with W S Wᵀ = 1; 0 where nothing was measured."""
-    w_11 = 1.0 / math.sqrt(s_11) if has_x else 0.0
-    w_21 = w_22 = 0.0
-    if has_a:
-        w_22 = 1.0 / math.sqrt(max(s_22 - (s_21 * s_21 / s_11 if has_x else 0.0), 1e-30))
-        w_21 = -s_21 / s_11 * w_22 if has_x else 0.0
-    return w_11, w_21, w_22
+def whitener(cov, measured, white):
+    """The lower factor W with W S Wᵀ = 1 into `white`; rows of what was not measured are 0.
+
+    cov : S, shape (m, m). measured : of the sample, shape (m,), NaN where it was not.
+    """
+    for i in range(cov.shape[0]):
+        for k in range(cov.shape[0]):
+            white[i, k] = 0.0
+        if not math.isfinite(measured[i]):
+            continue
+        variance = cov[i, i]
+        for j in range(i):
+            along = 0.0
+            for k in range(j + 1):
+                along += white[j, k] * cov[k, i]
+            variance -= along * along
+            for k in range(j + 1):
+                white[i, k] -= along * white[j, k]
+        white[i, i] = 1.0
+        for k in range(i + 1):
+            white[i, k] /= math.sqrt(max(variance, 1e-30))
 
 
 @kernel
-def correct(cov, cross, s_11, s_21, s_22, w_11, w_21, w_22, process, gain):
+def correct(cov, cross, white, process, gain):
     """The gain K = C S⁻¹ = C Wᵀ W into `gain`, and the covariance after the correction and a sample's noise in place.
 
     Parameters
     ----------
-    cov : covariance of the coordinates, shape (s, s). cross : C, that with the innovations, shape (s, 2).
-    s_11, s_21, s_22 : S, covariance of the innovations. w_11, w_21, w_22 : W.
-    process : standard deviation that each coordinate gains over a sample, shape (s,). gain : result, shape (s, 2).
+    cov : covariance of the coordinates, shape (s, s). cross : C, that with the innovations, shape (s, m); C Wᵀ behind.
+    white : W. process : standard deviation that each coordinate gains over a sample, shape (s,).
+    gain : result, shape (s, m).
     """
+    channels = white.shape[0]
     for j in range(cov.shape[0]):
-        b_x, b_a = cross[j, 0] * w_11, cross[j, 0] * w_21 + cross[j, 1] * w_22
-        gain[j, 0], gain[j, 1] = b_x * w_11 + b_a * w_21, b_a * w_22
+        for c in range(channels - 1, -1, -1):
+            along = 0.0
+            for d in range(c + 1):
+                along += white[c, d] * cross[j, d]
+            cross[j, c] = along
+        for d in range(channels):
+            value = 0.0
+            for c in range(d, channels):
+                value += cross[j, c] * white[c, d]
+            gain[j, d] = value
         for k in range(j + 1):
-            taken = gain[j, 0] * (s_11 * gain[k, 0] + s_21 * gain[k, 1])
-            taken += gain[j, 1] * (s_21 * gain[k, 0] + s_22 * gain[k, 1])
-            cov[j, k] -= taken
-            cov[k, j] = cov[j, k]
+            value = cov[j, k]
+            for c in range(channels):
+                value -= cross[j, c] * cross[k, c]
+            cov[j, k] = value
+            cov[k, j] = value
         cov[j, j] = max(cov[j, j], 0.0) + process[j] ** 2
 
 
@@ -208,8 +243,8 @@ def by_coordinates(change, sensor_change, lower, transition, sensing):
 
     Parameters
     ----------
-    change, sensor_change : of the coordinates and the sensors along each column of L, shapes (s, s) and (s, 2).
-    lower : L, shape (s, s). transition, sensing : results, shapes (s, s) and (s, 2).
+    change, sensor_change : of the coordinates and the sensors along each column of L, shapes (s, s) and (s, m).
+    lower : L, shape (s, s). transition, sensing : results, shapes (s, s) and (s, m).
     """
     n = lower.shape[0]
     for j in range(n - 1, -1, -1):
@@ -218,7 +253,7 @@ def by_coordinates(change, sensor_change, lower, transition, sensing):
             for m in range(j + 1, n):
                 value -= transition[k, m] * lower[m, j]
             transition[k, j] = value / lower[j, j]
-        for c in range(2):
+        for c in range(sensing.shape[1]):
             value = sensor_change[j, c]
             for m in range(j + 1, n):
                 value -= sensing[m, c] * lower[m, j]
@@ -226,36 +261,33 @@ def by_coordinates(change, sensor_change, lower, transition, sensing):
 
 
 @kernel
-def foreseen(change, sensor_change, sensor, cov, cross):
-    """Covariance at the next sample, of the coordinates and with the innovations, into `cov` and `cross`.
+def foreseen(change, sensor_change, sensor, cov, cross, innovation):
+    """Covariances at the next sample: of the coordinates, of these with the innovations, and of the innovations.
 
     Parameters
     ----------
-    change, sensor_change : as of `by_coordinates`. sensor : standard deviations of the sensors' noise, shape (2,).
-    cov, cross : results, shapes (s, s) and (s, 2).
-
-    Returns
-    -------
-    (s_11, s_21, s_22), the covariance of the innovations
+    change, sensor_change : as of `by_coordinates`. sensor : standard deviations of the sensors' noise, shape (m,).
+    cov, cross, innovation : results, shapes (s, s), (s, m) and (m, m).
     """
-    s = cov.shape[0]
-    s_11, s_21, s_22 = sensor[0] ** 2, 0.0, sensor[1] ** 2
+    s, channels = cov.shape[0], sensor.shape[0]
+    for c in range(channels):
+        for d in range(c + 1):
+            value = sensor[c] ** 2 if c == d else 0.0
+            for j in range(s):
+                value += sensor_change[j, c] * sensor_change[j, d]
+            innovation[c, d] = innovation[d, c] = value
     for j in range(s):
-        s_11 += sensor_change[j, 0] ** 2
-        s_21 += sensor_change[j, 0] * sensor_change[j, 1]
-        s_22 += sensor_change[j, 1] ** 2
-    for j in range(s):
-        cross[j, 0] = cross[j, 1] = 0.0
-        for m in range(s):
-            cross[j, 0] += change[j, m] * sensor_change[m, 0]
-            cross[j, 1] += change[j, m] * sensor_change[m, 1]
+        for c in range(channels):
+            value = 0.0
+            for m in range(s):
+                value += change[j, m] * sensor_change[m, c]
+            cross[j, c] = value
         for k in range(j + 1):
             value = 0.0
             for m in range(s):
                 value += change[j, m] * change[k, m]
             cov[j, k] = value
             cov[k, j] = value
-    return s_11, s_21, s_22
 
 
 @njit
@@ -274,6 +306,7 @@ def kalman(
     dt,
     tolerance,
     chain,
+    scale,
     gains,
     whitening,
     out,
@@ -287,41 +320,44 @@ def kalman(
     first : standard deviation of each coordinate at the first sample, shape (s,).
     process : standard deviation that each coordinate gains over a sample, shape (2, s): before the sample `found_by`,
         while the state is found, and from it on.
-    sensor : standard deviation of the noise of position [m] and acceleration [m/s²], shape (2,).
+    sensor : standard deviation of the noise of each signal measured, shape (m,).
     gains, out : as in `predict`, results here.
-    whitening : result, shape (n, 3): w_11, w_21, w_22 of the lower factor W with W S Wᵀ = 1, S the covariance of the
-        innovations; 0 where nothing was measured.
-    transition, sensing : results, shape (n, s, s) and (n, s, 2): derivatives of the coordinates and of what the sensors
+    whitening : result, shape (n, m, m): the lower factor W with W S Wᵀ = 1, S the covariance of the innovations; rows
+        of what was not measured are 0.
+    transition, sensing : results, shape (n, s, s) and (n, s, m): derivatives of the coordinates and of what the sensors
         show at the next sample by the corrected coordinates of this one.
 
     Returns
     -------
     The path of the coordinates after each correction, shape (n, s).
     """
-    n, s = commands.shape[0], codes.shape[0]
-    y, aux, row = y0.copy(), np.zeros(AUXILIARY), np.zeros(2)
+    n, s, channels = commands.shape[0], codes.shape[0], measured.shape[1]
+    y, aux, row = y0.copy(), np.zeros(AUXILIARY), np.zeros(channels)
     work = workspace()
     tried, tried_aux = y0.copy(), np.zeros(AUXILIARY)
     begun, begun_aux = y0.copy(), np.zeros(AUXILIARY)
     cov, lower = np.zeros((s, s)), np.zeros((s, s))
-    state_change, sensor_change = np.zeros((s, s)), np.zeros((s, 2))
-    cross, path = np.zeros((s, 2)), np.zeros((n, s))
+    state_change, sensor_change = np.zeros((s, s)), np.zeros((s, channels))
+    cross, path = np.zeros((s, channels)), np.zeros((n, s))
+    innovation = np.zeros((channels, channels))
     for j in range(s):
         cov[j, j] = first[j] ** 2
     now = felt(p, y, acceleration_now(p, y, work[STAGE]))
     aux[4 + OUTPUT] = now
-    s_11, s_21, s_22 = sensor[0] ** 2, 0.0, sensor[1] ** 2 + (0.5 * abs(now)) ** 2
+    for c in range(channels):
+        innovation[c, c] = sensor[c] ** 2
+    innovation[1, 1] += (0.5 * abs(now)) ** 2
     for i in range(n):
-        shown(p, y, aux, now, chain, row)
-        has_x, has_a = math.isfinite(measured[i, 0]), math.isfinite(measured[i, 1])
-        e_x = measured[i, 0] - row[0] if has_x else 0.0
-        e_a = measured[i, 1] - row[1] if has_a else 0.0
-        out[i, 0], out[i, 1] = e_x, e_a
-        w_11, w_21, w_22 = whitener(s_11, s_21, s_22, has_x, has_a)
-        whitening[i, 0], whitening[i, 1], whitening[i, 2] = w_11, w_21, w_22
-        correct(cov, cross, s_11, s_21, s_22, w_11, w_21, w_22, process[int(i >= found_by)], gains[i])
+        shown(p, y, aux, now, chain, scale, row)
+        for c in range(channels):
+            out[i, c] = measured[i, c] - row[c] if math.isfinite(measured[i, c]) else 0.0
+        whitener(innovation, measured[i], whitening[i])
+        correct(cov, cross, whitening[i], process[int(i >= found_by)], gains[i])
         for j in range(s):
-            shift(p, y, aux, codes[j], gains[i, j, 0] * e_x + gains[i, j, 1] * e_a)
+            amount = 0.0
+            for c in range(channels):
+                amount += gains[i, j, c] * out[i, c]
+            shift(p, y, aux, codes[j], amount)
         for j in range(s):
             path[i, j] = coordinate(p, y, aux, codes[j])
         factor(cov, s, lower)
@@ -343,17 +379,20 @@ def kalman(
                         p, tried, tried_aux, commands, i, command_before, dt, work, tolerance, now
                     )
                 advance_auxiliary(tried_aux, decay, chain, now, there, its_mean)
-                shown(p, tried, tried_aux, there, chain, row)
+                shown(p, tried, tried_aux, there, chain, scale, row)
                 for k in range(s):
                     value = 0.5 * sign * coordinate(p, tried, tried_aux, codes[k])
                     state_change[k, j] = value if sign > 0.0 else state_change[k, j] + value
-                for c in range(2):
+                for c in range(channels):
                     value = 0.5 * sign * row[c]
                     sensor_change[j, c] = value if sign > 0.0 else sensor_change[j, c] + value
         now = after
         by_coordinates(state_change, sensor_change, lower, transition[i], sensing[i])
-        s_11, s_21, s_22 = foreseen(state_change, sensor_change, sensor, cov, cross)
-        if not (math.isfinite(now) and math.isfinite(s_11) and math.isfinite(s_22)):
+        foreseen(state_change, sensor_change, sensor, cov, cross, innovation)
+        finite = math.isfinite(now)
+        for c in range(channels):
+            finite = finite and math.isfinite(innovation[c, c])
+        if not finite:
             out[i:] = math.nan
             break
     return path
@@ -370,35 +409,39 @@ def relevelled(measured, gains, innovations, transition, sensing, first, process
     measured, gains, innovations, transition, sensing : of that run. first, process, sensor, found_by : as
         of `kalman`, at the other levels. start : first sample that counts. block : samples of a block.
     """
-    n, s = gains.shape[0], gains.shape[1]
+    n, s, channels = gains.shape
     found = np.zeros((n - start - 1) // block + 1)
-    cov, other, cross = np.zeros((s, s)), np.zeros((s, s)), np.zeros((s, 2))
-    gain, moved, corrected = np.zeros((s, 2)), np.zeros(s), np.zeros(s)
+    cov, other, cross = np.zeros((s, s)), np.zeros((s, s)), np.zeros((s, channels))
+    gain, moved, corrected = np.zeros((s, channels)), np.zeros(s), np.zeros(s)
+    innovation, white = np.zeros((channels, channels)), np.zeros((channels, channels))
+    shifted, error = np.zeros(channels), np.zeros(channels)
     for j in range(s):
         cov[j, j] = first[j] ** 2
-    s_11, s_21, s_22 = sensor[0] ** 2, 0.0, 1e6
-    shift_x = shift_a = 0.0
+    for c in range(channels):
+        innovation[c, c] = sensor[c] ** 2
+    innovation[1, 1] = 1e6
     for i in range(n):
-        has_x, has_a = math.isfinite(measured[i, 0]), math.isfinite(measured[i, 1])
-        e_x = innovations[i, 0] - shift_x if has_x else 0.0
-        e_a = innovations[i, 1] - shift_a if has_a else 0.0
-        w_11, w_21, w_22 = whitener(s_11, s_21, s_22, has_x, has_a)
+        for c in range(channels):
+            error[c] = innovations[i, c] - shifted[c] if math.isfinite(measured[i, c]) else 0.0
+        whitener(innovation, measured[i], white)
         if i >= start:
-            a, b = w_11 * e_x, w_21 * e_x + w_22 * e_a
-            value = -0.5 * (a * a + b * b)
-            if has_x:
-                value += math.log(w_11)
-            if has_a:
-                value += math.log(w_22)
-            found[(i - start) // block] += value
-        correct(cov, cross, s_11, s_21, s_22, w_11, w_21, w_22, process[int(i >= found_by)], gain)
+            for c in range(channels):
+                value = 0.0
+                for d in range(c + 1):
+                    value += white[c, d] * error[d]
+                found[(i - start) // block] -= 0.5 * value * value
+                if white[c, c] > 0.0:
+                    found[(i - start) // block] += math.log(white[c, c])
+        correct(cov, cross, white, process[int(i >= found_by)], gain)
         for j in range(s):
-            corrected[j] = moved[j] + gain[j, 0] * e_x + gain[j, 1] * e_a
-            corrected[j] -= gains[i, j, 0] * innovations[i, 0] + gains[i, j, 1] * innovations[i, 1]
-        shift_x = shift_a = 0.0
+            corrected[j] = moved[j]
+            for c in range(channels):
+                corrected[j] += gain[j, c] * error[c] - gains[i, j, c] * innovations[i, c]
+        for c in range(channels):
+            shifted[c] = 0.0
+            for j in range(s):
+                shifted[c] += sensing[i, j, c] * corrected[j]
         for j in range(s):
-            shift_x += sensing[i, j, 0] * corrected[j]
-            shift_a += sensing[i, j, 1] * corrected[j]
             moved[j] = 0.0
             for m in range(s):
                 moved[j] += transition[i, j, m] * corrected[m]
@@ -406,20 +449,26 @@ def relevelled(measured, gains, innovations, transition, sensing, first, process
                 for k in range(s):
                     value += transition[i, j, k] * cov[k, m]
                 other[j, m] = value
-        s_11, s_21, s_22 = sensor[0] ** 2, 0.0, sensor[1] ** 2
+        for c in range(channels):
+            for d in range(c + 1):
+                innovation[c, d] = sensor[c] ** 2 if c == d else 0.0
         for j in range(s):
-            x_row = a_row = 0.0
-            for k in range(s):
-                x_row += cov[j, k] * sensing[i, k, 0]
-                a_row += cov[j, k] * sensing[i, k, 1]
-            s_11 += sensing[i, j, 0] * x_row
-            s_21 += sensing[i, j, 0] * a_row
-            s_22 += sensing[i, j, 1] * a_row
+            for c in range(channels):
+                along = 0.0
+                for k in range(s):
+                    along += cov[j, k] * sensing[i, k, c]
+                for d in range(channels):
+                    if d <= c:
+                        innovation[c, d] += along * sensing[i, j, d]
+        for c in range(channels):
+            for d in range(c):
+                innovation[d, c] = innovation[c, d]
         for j in range(s):
-            cross[j, 0] = cross[j, 1] = 0.0
-            for k in range(s):
-                cross[j, 0] += other[j, k] * sensing[i, k, 0]
-                cross[j, 1] += other[j, k] * sensing[i, k, 1]
+            for c in range(channels):
+                value = 0.0
+                for k in range(s):
+                    value += other[j, k] * sensing[i, k, c]
+                cross[j, c] = value
         for j in range(s):
             for m in range(j + 1):
                 value = 0.0

@@ -322,6 +322,7 @@ SIZES = {
     "valve_command": Size("-", 0.0, 1.05, "", "volts, milliamperes or per cent instead of −1 … 1?"),
     "pressure_a": Size("Pa", 2e4, 2e8, "bar instead of pascal?", "not pascal?"),
     "pressure_b": Size("Pa", 2e4, 2e8, "bar instead of pascal?", "not pascal?"),
+    "pressure_load": Size("Pa", 2e3, 2e8, "bar instead of pascal?", "not pascal?"),
     "pressure_supply": Size("Pa", 2e4, 2e8, "bar instead of pascal?", "not pascal?"),
 }
 

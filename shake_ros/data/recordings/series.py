@@ -79,6 +79,7 @@ SIGNALS = {
         Signal("imu", "sensor_msgs/msg/Imu", ("linear_acceleration.x",), also=("imu/data_raw", "imu/data")),  # REP 145
         Signal("pressure_a", PRESSURE, ("fluid_pressure",)),
         Signal("pressure_b", PRESSURE, ("fluid_pressure",)),
+        Signal("pressure_load", PRESSURE, ("fluid_pressure",)),
         Signal("pressure_supply", PRESSURE, ("fluid_pressure",)),
         Signal("force", "geometry_msgs/msg/WrenchStamped", ("wrench.force.x",)),
         Signal("reference", POINT, POINT_PATHS, "table"),

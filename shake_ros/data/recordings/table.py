@@ -64,7 +64,8 @@ class TableRecording:
     valve_command : (n,) command acting from each sample until the next [-]; NaN where it is not known.
     position : (n,) [m].
     acceleration : (n,) [m/s²] or None.
-    pressure_a, pressure_b, pressure_supply : (n,) absolute [Pa] or None.
+    pressure_a, pressure_b, pressure_supply : (n,) absolute [Pa] or None. pressure_load : (n,) of a transducer between
+        the chambers, of A less that of B [Pa], or None.
     force : (n,) external force on the table [N] or None.
     reference, estimate, truth : (n, 3) position, velocity, acceleration in SI units, or None; NaN where missing.
     segments : slices without a gap, in which command, position and (where there is one) acceleration are finite, and
@@ -83,6 +84,7 @@ class TableRecording:
     findings: tuple[Finding, ...] = ()
     pressure_a: Floats | None = None
     pressure_b: Floats | None = None
+    pressure_load: Floats | None = None
     pressure_supply: Floats | None = None
     force: Floats | None = None
     reference: Floats | None = None
@@ -115,12 +117,19 @@ class TableRecording:
         return replace(self[first:last], name=f"{self.name}[{start:g}:{stop:g}]", segments=segments)
 
     @property
+    def load(self) -> Floats | None:
+        """Pressure of chamber A less that of chamber B, of one transducer or of two, shape (n,) [Pa]; None without."""
+        if self.pressure_load is not None or self.pressure_a is None or self.pressure_b is None:
+            return self.pressure_load
+        return self.pressure_a - self.pressure_b
+
+    @property
     def longest(self) -> TableRecording:
         """The samples of the longest segment."""
         return self[max(self.segments, key=lambda piece: piece.stop - piece.start)]
 
 
-ARRAYS = ("pressure_a", "pressure_b", "pressure_supply", "force", "reference", "estimate", "truth")
+ARRAYS = ("pressure_a", "pressure_b", "pressure_load", "pressure_supply", "force", "reference", "estimate", "truth")
 
 
 DIAGNOSTICS, DIAGNOSTICS_TYPE = "diagnostics", "diagnostic_msgs/msg/DiagnosticArray"

@@ -16,7 +16,7 @@ from shake_ros.data.recordings.writer import BagWriter
 NAMESPACE = "/shake"
 FIRST_STAMP = 1_000_000_000
 BLOCK = 8192
-MEASURED = ("joint_states", "imu", "pressure_a", "pressure_b", "pressure_supply", "force", "truth")
+MEASURED = ("joint_states", "imu", "pressure_a", "pressure_b", "pressure_load", "pressure_supply", "force", "truth")
 ORDER = (*MEASURED, "reference", "estimate", "valve_command")
 
 
@@ -29,6 +29,7 @@ def write_table_recording(
     *,
     pressure_a: npt.ArrayLike | None = None,
     pressure_b: npt.ArrayLike | None = None,
+    pressure_load: npt.ArrayLike | None = None,
     pressure_supply: npt.ArrayLike | None = None,
     force: npt.ArrayLike | None = None,
     reference: npt.ArrayLike | None = None,
@@ -48,7 +49,7 @@ def write_table_recording(
     valve_command : (n,) acting from each sample until the next [-].
     position : (n,) [m].
     acceleration : (n,) [m/s²].
-    pressure_a, pressure_b, pressure_supply : (n,) absolute [Pa].
+    pressure_a, pressure_b, pressure_supply : (n,) absolute [Pa]. pressure_load : (n,) of A less that of B [Pa].
     force : (n,) [N].
     reference, estimate, truth : (n, 3) position, velocity, acceleration in SI units.
     first_stamp : header.stamp of the first sample [ns].
@@ -65,6 +66,7 @@ def write_table_recording(
         "imu": acceleration,
         "pressure_a": pressure_a,
         "pressure_b": pressure_b,
+        "pressure_load": pressure_load,
         "pressure_supply": pressure_supply,
         "force": force,
         "reference": reference,

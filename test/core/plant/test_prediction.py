@@ -33,7 +33,7 @@ def test_predictor_without_gains_is_the_free_run() -> None:
     prediction = Predictor([piece], QUIET).filtered(vector)
     (made,) = prediction.runs
     made.gains[:] = 0.0
-    made.whitening[:] = (1.0, 0.0, 1.0)
+    made.whitening[:] = np.eye(2)
     left = prediction.residuals(vector[None, :])[0].reshape(-1, 2)
     free = run(model.table, piece.commands, piece.dt, state=start_state(vector[:TABLE], piece), tolerance=1e-6)
     start = piece.start
@@ -58,7 +58,7 @@ def test_residuals_under_the_gains_of_the_filter_are_its_own_innovations() -> No
     prediction = Predictor([piece], Levels(force=0.3)).filtered(vector)
     (made,) = prediction.runs
     w, e = made.whitening[piece.start :], made.innovations[piece.start :]
-    own = np.column_stack([w[:, 0] * e[:, 0], w[:, 1] * e[:, 0] + w[:, 2] * e[:, 1]])
+    own = np.einsum("ncd,nd->nc", w, e)
     left = prediction.residuals(vector[None, :])[0].reshape(-1, 2)
     assert np.sqrt(np.mean((left - own) ** 2)) < 0.1  # of the noise: the filter integrates less finely
 
