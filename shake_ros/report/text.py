@@ -32,7 +32,7 @@ UNITS: Mapping[str, tuple[float, str]] = {  # SI unit → factor and unit to rea
     "Pa*s/m^3": (1e-6 / 6e4, "MPa·min/L"),
     "-": (1.0, ""),
 }
-CHANNELS = ("velocity", "acceleration")
+CHANNELS = ("velocity", "acceleration", "load_pressure")
 ROLES = ("estimation", "validation", "test")
 KNOWN = 1.0  # relative standard error from which on a parameter is not known
 
@@ -131,12 +131,14 @@ def parameter_table(parameters: Sequence[Estimate]) -> ResultTable:
 def error_table(models: Mapping[str, FittedModel]) -> ResultTable:
     """Relative errors of free runs by recording, a column for each channel and model."""
     sets = [(role, [getattr(m, role) for m in models.values()]) for role in ROLES]
+    known = any("load_pressure" in error for _, of in sets for errors in of for error in errors.values())
+    channels = CHANNELS if known else CHANNELS[:2]
     rows = [
-        (name, role, *(errors[name].get(channel) for channel in CHANNELS for errors in of))
+        (name, role, *(errors[name].get(channel) for channel in channels for errors in of))
         for role, of in sets
         for name in of[0]
     ]
-    columns = [f"{channel} {title}".strip() for channel in CHANNELS for title in models]
+    columns = [f"{channel.replace('_', ' ')} {title}".strip() for channel in channels for title in models]
     return ResultTable(("recording", "data", *columns), rows, dict.fromkeys(columns, percent))
 
 

@@ -274,27 +274,25 @@ class RecordingProblem:
         return np.concatenate([of_recordings, np.full(len(self.model.priors), -1)])
 
     def errors(self, vector: np.ndarray) -> dict[str, dict[str, float]]:
-        """Relative error of velocity and acceleration per recording."""
+        """Relative error of velocity, acceleration and load pressure per recording, of what all its parts have."""
         vector = self.centred(vector)
         result: dict[str, dict[str, float]] = {}
         for name in dict.fromkeys(r.name for r in self.records):
-            pieces = [(r, *self.simulate(vector[None, :], r)) for r in self.records if r.name == name]
-            spans = [slice(r.start, None) for r, _, _ in pieces]
-            entry = {
-                "velocity": relative_error(
-                    np.concatenate([r.velocity[s] for (r, _, _), s in zip(pieces, spans, strict=True)]),
-                    np.concatenate([v[0, s] for (_, v, _), s in zip(pieces, spans, strict=True)]),
-                )
-            }
-            if all(r.acceleration is not None for r, _, _ in pieces):
-                felt = [
-                    np.column_stack([r.acceleration[s], a[0, s]])[r.whole[s]]
-                    for (r, _, a), s in zip(pieces, spans, strict=True)
-                    if r.acceleration is not None
-                ]
-                entry["acceleration"] = relative_error(*np.concatenate(felt).T)
-            result[name] = entry
+            runs = [(r, self._compared(vector[None, :], r)) for r in self.records if r.name == name]
+            pairs = [dict(self._pairs(r, run)) for r, run in runs]
+            channels = [c for c in pairs[0] if all(c in of for of in pairs)]
+            result[name] = {c: relative_error(*np.hstack([of[c] for of in pairs])) for c in channels}
         return result
+
+    @staticmethod
+    def _pairs(record: Record, run: Compared) -> Iterator[tuple[str, np.ndarray]]:
+        """What was measured and what one run has of each channel, shape (2, n)."""
+        span = slice(record.start, None)
+        yield "velocity", np.array([record.velocity[span], run.velocity[0, span]])
+        if record.acceleration is not None:
+            yield "acceleration", np.array([record.acceleration, run.acceleration[0]])[:, span][:, record.whole[span]]
+        if record.pressure is not None and run.pressure is not None:
+            yield "load_pressure", np.array([record.pressure[span], run.pressure[0, span]])
 
     def noise(self) -> dict[str, float]:
         """Estimated noise of velocity [m/s] and acceleration [m/s²], root mean square over the recordings."""
