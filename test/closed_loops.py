@@ -39,7 +39,7 @@ from shake_ros.settings import load_search, load_table
 
 SECONDS = 3.0
 LEAN = load_search().replace(
-    most_continued=2,
+    most_refitted=2,
     continued_evaluations=8,
     converging_evaluations=12,
 )

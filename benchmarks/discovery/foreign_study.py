@@ -20,16 +20,18 @@ from shake_ros.api.model import model
 from shake_ros.api.read import recording
 
 
-def measure(seed: int, seconds: float, minutes: float, most: int = max(foreign.COUNTS)) -> dict[str, Any]:
+def measure(
+    seed: int, seconds: float, minutes: float, pressures: bool = False, most: int = max(foreign.COUNTS)
+) -> dict[str, Any]:
     """One table: what was hidden and named, what was found but not named, errors over the noise.
 
     seconds : length of each recording. minutes : of one core, after which the search ends with its best answer so far.
-    most : effects hidden at most.
+    pressures : whether the load pressure is measured as well. most : effects hidden at most.
     """
     case = foreign.case_of(seed, most)
     runs, floor = {}, {}
     for name in foreign.RUNS:
-        made = foreign.record(case, name, seconds)
+        made = foreign.record(case, name, seconds, pressures=pressures)
         floor[name] = float(made.pop("noise") / np.std(made["acceleration"]))
         runs[name] = recording(name, **made)
     learn, hold = ([n for n in foreign.RUNS if n.startswith(role)] for role in ("learn", "hold"))

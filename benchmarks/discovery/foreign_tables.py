@@ -54,7 +54,10 @@ class Case:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def drive(t, lab, reference, noise, null, substeps, second_order, out):
-    """Closed loop over a recording; out: command [-], position [m], filtered acceleration [m/s²]; shape (n, 3)."""
+    """Closed loop over a recording; out: command [-], position [m], filtered acceleration [m/s²]; shape (n, 3 or 4).
+
+    A fourth column gets the load pressure [Pa].
+    """
     y, d = np.zeros(hidden.STATES), np.zeros(hidden.STATES)
     y[hidden.PA] = y[hidden.PB] = 0.5 * (t.supply + t.tank)
     y[hidden.PS] = t.supply
@@ -68,6 +71,8 @@ def drive(t, lab, reference, noise, null, substeps, second_order, out):
         if lab.step > 0.0:
             seen = round(seen / lab.step) * lab.step
         out[i, 1], out[i, 2] = seen, filtered[0]
+        if out.shape[1] > 3:
+            out[i, 3] = y[hidden.PA] - y[hidden.PB]
         command = lab.feedforward * reference[i, 1] + lab.feedback * (reference[i, 0] - seen)
         command = min(max(command, -1.0), 1.0)
         out[i, 0] = command
@@ -159,28 +164,37 @@ def reference(name: str, truth: hidden.Truth, rate: float, seconds: float, rng: 
     return size * np.column_stack([position, velocity])
 
 
-def record(case: Case, name: str, seconds: float = 32.0, noise: float = 1.0) -> dict[str, np.ndarray]:
-    """One run as the laboratory hands it over: time, command in volts, position, acceleration, each (n,)."""
+def record(
+    case: Case, name: str, seconds: float = 32.0, noise: float = 1.0, pressures: bool = False
+) -> dict[str, np.ndarray]:
+    """One run as the laboratory hands it over: time, command in volts, position, acceleration, each (n,).
+
+    pressures : with the load pressure as well, whose noise is half a per cent of its size and its offset a tenth.
+    """
     rng = np.random.default_rng([case.seed, RUNS.index(name), 7])
-    return played(case, reference(name, case.truth, case.laboratory.rate, seconds, rng), rng, noise)
+    return played(case, reference(name, case.truth, case.laboratory.rate, seconds, rng), rng, noise, pressures)
 
 
-def played(case: Case, wanted: np.ndarray, rng: Any, noise: float = 1.0) -> dict[str, np.ndarray]:
+def played(
+    case: Case, wanted: np.ndarray, rng: Any, noise: float = 1.0, pressures: bool = False
+) -> dict[str, np.ndarray]:
     """The run of a reference, position [m] and velocity [m/s], shape (n, 2)."""
     lab, truth = case.laboratory, case.truth
     scatter = noise * lab.noise * rng.standard_normal((len(wanted), 1))
     null, bias = noise * 0.006 * rng.standard_normal(), noise * 0.03 * rng.standard_normal()
     substeps = math.ceil(1.0 / lab.rate / STEP)
-    out = np.zeros((len(wanted), 3))
+    out = np.zeros((len(wanted), 4))
     drive(truth, lab, wanted, scatter, null, substeps, butterworth(lab.anti_alias, 1.0 / lab.rate / substeps), out)
     size = 0.004 * float(np.std(out[:, 2])) + 0.004
     felt = out[:, 2] + bias + noise * size * rng.standard_normal(len(wanted))
+    load = out[:, 3] + float(np.std(out[:, 3])) * (0.1 + 0.005 * rng.spawn(1)[0].standard_normal(len(wanted)))
     return {
         "time": np.arange(len(wanted)) / lab.rate,
         "command": lab.volts * out[:, 0],
         "position": out[:, 1],
         "acceleration": felt,
         "noise": np.array(size),
+        **({"pressure_load": load} if pressures else {}),
     }
 
 

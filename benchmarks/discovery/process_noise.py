@@ -85,7 +85,7 @@ def fitted(seed: int, force: float) -> tuple[float | None, dict[str, float], dic
     structure = model_structure(load_table("bergamo"))
     free = FreeParameters(structure.table, structure.free)
     alone = approached(learn, free, free.start(), tolerance=1e-6)
-    ratio = process_noise([learn, hold], alone.vector, load_search().process_noise)
+    ratio = process_noise([learn, hold], alone.vector, load_search().near_noise ** 2)
     if ratio is None:
         return None, errors(alone, truth), errors(alone, truth)
     both = fit(FreeAndPredictor(learn, INJECTION, alone.vector), free, alone.x, tolerance=1e-6)

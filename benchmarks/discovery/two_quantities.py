@@ -49,7 +49,7 @@ def recordings(case: str, seed: int, length: float) -> dict[str, Record]:
 def searched(records: dict[str, Record], seconds: int | None) -> dict[str, Any]:
     """The answer of the search. seconds : second quantities that are refitted; as configured without."""
     learn, hold = (confusion.fitted_parts(records, kind) for kind in ("learn", "hold"))
-    settings = load_search() if seconds is None else replace(load_search(), most_seconds=seconds)
+    settings = load_search() if seconds is None else replace(load_search(), most_refitted=seconds)
     begin = time.process_time()
     result = close_loop(model_structure(load_table("bergamo")), learn, hold, settings, lambda *_: None)
     taken = time.process_time() - begin

@@ -143,7 +143,7 @@ def remaining(problem: SearchProblem, found: Selection) -> Remaining:
         )
         return Remaining(False, ratio, None, (), shares, text)
     in_band, centre = band_share(rest, problem.validation.records[0].sample_time)
-    shares["frequency"] = in_band if in_band > settings.force_share_of_kind else 0.0
+    shares["frequency"] = in_band if in_band > settings.most_of else 0.0
     if unpredictable <= 1.0 and ratio > settings.remaining_far_above and nothing_fits(found, settings.least_function):
         best = max(found.functions.gains.values()) if found.functions else 0.0
         text = (

@@ -170,7 +170,7 @@ def measured(
     varying = square / total
     return {
         "constant": 1.0 - varying,
-        "slow": varying * in_band(force, sample_time, 0.0, settings.force_slow),
+        "slow": varying * in_band(force, sample_time, 0.0, settings.slowest),
         "line": varying * (share if motion < 0.5 * share else 0.0),
         "at reversals": varying * (energy if energy > 2.0 * by_chance else 0.0),
         "impulsive": float(np.mean(moving**4)) / square**2 if varying > 0.5 else 0.0,
@@ -209,10 +209,10 @@ def judged_kinds(
         return ForceKinds(True, outside, highest, (), {}, {}, 0.0)
     measures, line = measured(force, known, sample_time, settings)
     least = {
-        "constant": settings.force_share_of_kind,
-        "slow": settings.force_share_of_kind,
-        "line": settings.force_share_of_kind,
-        "at reversals": settings.force_share_of_kind,
+        "constant": settings.most_of,
+        "slow": settings.most_of,
+        "line": settings.most_of,
+        "at reversals": settings.most_of,
         "impulsive": settings.force_kurtosis,
         "memory": settings.force_memory,
     }
@@ -220,5 +220,5 @@ def judged_kinds(
     varying = 1.0 - measures["constant"]
     shares = {name: varying * share for name, share in dependence(force, known, settings).items()}
     simplest = {n: share + (SIMPLER if n == "direction" else 0.0) for n, share in shares.items()}
-    named = sorted((n for n, share in shares.items() if share > settings.force_depends), key=lambda n: -simplest[n])
+    named = sorted((n for n, share in shares.items() if share > settings.most_of**2), key=lambda n: -simplest[n])
     return ForceKinds(False, outside, highest, kinds, {n: shares[n] for n in named}, measures, line)

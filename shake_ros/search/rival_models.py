@@ -82,7 +82,7 @@ def _instead_of(
 ) -> list[RivalModel]:
     """The model with another effect in the place of one that is not established, and where it is likely without it."""
     found, settings, effect = closed.search, problem.settings, step.chosen.candidate.effect
-    close = rivals(found.steps, step, settings.most_continued)
+    close = rivals(found.steps, step, settings.most_refitted)
     if verdict.state == ONE_OF_THESE:
         close = [r for r in close if r.candidate.effect in verdict.alternatives]
 

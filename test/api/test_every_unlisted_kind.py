@@ -48,7 +48,7 @@ from shake_ros.search import close_loop as closing
 from shake_ros.settings import load_search, load_table, read_yaml
 
 STEP, SECONDS = 0.001, 1.2
-LEAN = load_search().replace(converging_evaluations=2, continued_evaluations=4, most_functions=1)
+LEAN = load_search().replace(converging_evaluations=2, continued_evaluations=4, most_refitted=1)
 SPANS = {"position": 0.02, "velocity": 0.5, "valve_opening": 0.6, "load_pressure": 6e6, "time": SECONDS, "phase": 0.16}
 STRENGTHS = {"N": 1500.0, "-": 0.3, "m^3/s": 3e-5}
 FREE = ("friction.coulomb_level", "friction.viscous", "bulk_modulus.modulus")

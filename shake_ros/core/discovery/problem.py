@@ -165,7 +165,7 @@ class SearchProblem:
 
     def with_predictor(self, model: Fit) -> SearchProblem:
         """The same, with predictor runs beside the free ones where equal commands show process noise."""
-        ratio = process_noise([self.estimation, self.validation], model.vector, self.settings.process_noise)
+        ratio = process_noise([self.estimation, self.validation], model.vector, self.settings.near_noise**2)
         if ratio is None:
             return self
         return replace(

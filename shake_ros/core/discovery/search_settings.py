@@ -24,32 +24,31 @@ class SearchSettings(Parameters):
     late_gain: float = quantity("-", "part of what stands above the noise that freeing must take", low=0.0)
     # fits
     converged: float = quantity("-", "relative change at which a converged fit stops", low=1e-12, high=1.0)
-    most_continued: int = quantity("-", "rivals of an effect that are compared, at most", low=1)
     continued_evaluations: int = quantity("-", "most trial points of a fit that is only compared", low=1)
     continued_tolerance: float = quantity("-", "relative change at which such a fit stops", low=1e-12, high=1.0)
+    most_refitted: int = quantity(
+        "-", "rivals, kinds of function or second quantities that are refitted, at most", low=1
+    )
     converging_evaluations: int = quantity("-", "most trial points of a refit that is to converge", low=1)
     # decision
-    process_noise: float = quantity("-", "what differs between equal commands over the noise, mean squares", low=1.0)
     sure: float = quantity("-", "odds from which a model is preferred to another", low=1.0)
     # how sure each effect is
-    near_noise: float = quantity("-", "ratio of residual to noise up to which an effect can be established", low=1.0)
+    near_noise: float = quantity("-", "ratio of residual to noise that is near it", low=1.0)
     # functions for what no listed effect explains
-    function_gain: float = quantity("-", "part of a listed effect's cost that a function may leave", low=0.0, high=1.0)
+    most_of: float = quantity("-", "part of a cost or of a power that counts as most of it", low=0.0, high=1.0)
     function_ridge: float = quantity("-", "ridge on a node, of the mean power of all nodes' directions", low=0.0)
     largest_shift: float = quantity("-", "predicted change of a parameter, in its scales, that is followed", low=0.0)
     function_multiples: tuple[float, ...] = quantity("-", "parts of the linear estimate to start from", low=0.0)
-    most_functions: int = quantity("-", "kinds of function that are refitted", low=0)
-    function_rank: float = quantity("-", "part of the best predicted fall from which a kind is refitted", low=0.0)
+    promising: float = quantity("-", "part of a predicted fall from which a function is refitted", low=0.0)
     least_function: float = quantity("-", "predicted fall from which a kind is refitted", low=0.0)
-    most_seconds: int = quantity("-", "second quantities of a function that are refitted", low=0)
-    second_promise: float = quantity("-", "predicted fall from which a second quantity is refitted", low=0.0)
     pair_rival: float = quantity("-", "predicted fall of two quantities, over that of one", low=1.0)
     hopeless: float = quantity("-", "ratio to the least cost on pieces from which a function is dropped", low=1.0)
-    function_tolerance: float = quantity("-", "relative change at which its fit stops", low=1e-12)
     node_deviation: float = quantity("-", "prior deviation of a node, in the kind's scale", low=1e-6)
     change_deviation: float = quantity("-", "the same of a change's node, in the function's rms", low=1e-6)
-    lowest_pulsation: float = quantity("Hz", "slowest pulsation of the supply looked for", low=1e-3)
-    highest_pulsation: float = quantity("Hz", "fastest pulsation of the supply looked for", low=1e-3)
+    slowest: float = quantity(
+        "Hz", "pulsation of the supply that is looked for at least, and end of what is slow", low=1e-3
+    )
+    fastest_pulsation: float = quantity("Hz", "fastest pulsation of the supply looked for", low=1e-3)
     period_freedom: float = quantity("-", "relative change of a period that its fit may make", low=0.0, high=0.9)
     # what remains
     remaining_above: float = quantity("-", "ratio of residual to noise from which something remains", low=0.0)
@@ -61,9 +60,6 @@ class SearchSettings(Parameters):
     force_settled: float = quantity("-", "fall of what is left, of that without the force, that ends them", low=0.0)
     force_band: float = quantity("-", "probability of the force's confidence band", low=0.01, high=0.999)
     force_highest: float = quantity("-", "largest ratio to its standard deviation up to which it is zero", low=0.0)
-    force_depends: float = quantity("-", "explained share from which it depends on a quantity", low=0.0, high=1.0)
-    force_slow: float = quantity("Hz", "frequency below which a force is slow", low=1e-3)
-    force_share_of_kind: float = quantity("-", "share of the power that makes it of a kind", low=0.0, high=1.0)
     force_kurtosis: float = quantity("-", "kurtosis from which it is impulsive", low=0.0)
     force_reversal: float = quantity("s", "time about a reversal that counts as at it", low=1e-4)
     force_memory: float = quantity("-", "share that only its loop explains from which it has a memory", low=0.0)

@@ -72,7 +72,7 @@ def with_second_quantity(problem: SearchProblem, step: ForwardStep) -> ForwardSt
     if near_noise(problem, one) or one.fit.free.base.value(SECOND):
         return step
     found = screen_seconds(problem, one.fit)
-    best = best_pair(problem, one, found, problem.settings.second_promise, step.chosen.candidate.free)
+    best = best_pair(problem, one, found, problem.settings.promising, step.chosen.candidate.free)
     if best is None or not leaves_far_less(problem, one, best.result):
         return step
     return ForwardStep(best, (best, *step.ranking[1:]), step.alternatives)
@@ -86,7 +86,7 @@ def function_of_two(problem: SearchProblem, current: ScoredFit, tried: FunctionS
     if not may_have_functions(current):
         return None
     settings, found = problem.settings, screen_pairs(problem, current.fit)
-    least = max(settings.function_gain, settings.pair_rival * max(tried.gains.values(), default=0.0))
+    least = max(settings.most_of, settings.pair_rival * max(tried.gains.values(), default=0.0))
     if tried.best is not None and not (found and found[0].function.gain > least):
         return grown(problem, current, ForwardStep(tried.best, (tried.best,)))
     best = best_pair(problem, current, found, least)
@@ -95,7 +95,7 @@ def function_of_two(problem: SearchProblem, current: ScoredFit, tried: FunctionS
 
 def grown(problem: SearchProblem, current: ScoredFit, one: ForwardStep) -> ForwardStep | None:
     """A function of one quantity that leaves too much, with a second one; None where that leaves too much as well."""
-    if one.chosen.predicted_gain < problem.settings.function_gain:
+    if one.chosen.predicted_gain < problem.settings.most_of:
         return None
     one = refined_function(problem, one)
     both = with_second_quantity(problem, one)
@@ -185,8 +185,8 @@ def best_pair(
     """
     settings, before = problem.settings, without.fit
     records, model = problem.estimation.records, problem.estimation.model
-    least = max(settings.function_rank * found[0].function.gain, least) if found else 0.0
-    promising = [pair for pair in found[: settings.most_seconds] if pair.function.gain > least]
+    least = max(settings.promising * found[0].function.gain, least) if found else 0.0
+    promising = [pair for pair in found[: settings.most_refitted] if pair.function.gain > least]
     refits = []
     for i, pair in enumerate(promising):
         f = pair.function

@@ -90,7 +90,7 @@ class FunctionSearch:
 
 def leaves_far_less(problem: SearchProblem, current: ScoredFit, function: ScoredFit) -> bool:
     """Whether a function leaves far less than the model without it."""
-    most = problem.settings.function_gain
+    most = problem.settings.most_of
     fitted, chosen = function.estimation_cost / current.estimation_cost, function.validation_cost
     return fitted <= most and chosen <= most * current.validation_cost
 
@@ -111,8 +111,8 @@ def best_function(problem: SearchProblem, current: ScoredFit) -> FunctionSearch:
     if not may_have_functions(current):
         return FunctionSearch({}, None)
     found = screen_functions(problem, linearised(problem.estimation_pieces, fitted))
-    least = max(settings.function_rank * found[0].gain, settings.least_function) if found else 0.0
-    promising = [f for f in found[: settings.most_functions] if f.gain > least]
+    least = max(settings.promising * found[0].gain, settings.least_function) if found else 0.0
+    promising = [f for f in found[: settings.most_refitted] if f.gain > least]
     records, model = problem.estimation.records, problem.estimation.model
     short = []
     for i, f in enumerate(promising):
@@ -243,9 +243,9 @@ def pulsation_periods(problem: RecordingProblem, current: Fit, settings: SearchS
     power = np.abs(np.fft.rfft(product, count)) ** 2
     frequency = np.fft.rfftfreq(count, step)
     width = max(round(1.5 * count / len(product)), 1)  # bins that one line covers
-    power[(frequency < settings.lowest_pulsation) | (frequency > settings.highest_pulsation)] = 0.0
+    power[(frequency < settings.slowest) | (frequency > settings.fastest_pulsation)] = 0.0
     found = []
-    for _ in range(settings.most_functions):
+    for _ in range(settings.most_refitted):
         i = int(np.argmax(power))
         if power[i] == 0.0:
             break
@@ -315,13 +315,13 @@ def fit_to_pieces(problem: SearchProblem, found: ScreenedFunction) -> Fit:
     costs = np.sum(np.nan_to_num(pieces.residuals(free.vectors(rows)), nan=1e3) ** 2, axis=1)
     start, most = rows[int(np.argmin(costs))], settings.continued_evaluations
     first = WithNodePrior(pieces, free, settings)
-    return approached(first, free, start, evaluations=most, tolerance=settings.function_tolerance)
+    return approached(first, free, start, evaluations=most, tolerance=settings.continued_tolerance)
 
 
 def fit_function(problem: SearchProblem, found: ScreenedFunction, short: Fit) -> Fit:
     """The same fitted to all estimation data, from where the fit to pieces has led."""
     settings, free = problem.settings, found.free
     whole = WithNodePrior(problem.estimation, free, settings)
-    most, tolerance = settings.continued_evaluations, settings.function_tolerance
+    most, tolerance = settings.continued_evaluations, settings.continued_tolerance
     result = fit(whole, free, short.x, evaluations=most, tolerance=tolerance)
     return replace(linearised(problem.estimation, result), evaluations=result.evaluations)

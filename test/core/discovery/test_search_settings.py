@@ -30,7 +30,7 @@ def test_lists_become_numbers() -> None:
         ({"function_multiples": ["much"]}, "is not a finite number"),
         ({"function_multiples": [-0.5]}, "function_multiples = -0.5 is outside"),
         ({"converged": 2.0}, "converged = 2 is outside"),
-        ({"most_function": 2}, "did you mean 'most_functions'"),
+        ({"most_refit": 2}, "did you mean 'most_refitted'"),
     ],
 )
 def test_a_wrong_threshold_is_one_line_that_names_the_file(change: dict[str, Any], text: str) -> None:

@@ -32,7 +32,7 @@ def posed(case: str, length: float) -> tuple[SearchProblem, ScoredFit]:
     """Recordings of a table, and the fit of the declared model to them."""
     records = two_quantities.recordings(case, 0, length)
     learn, hold = (confusion.fitted_parts(records, kind) for kind in ("learn", "hold"))
-    settings = replace(load_search(), most_seconds=1, most_functions=1)
+    settings = replace(load_search(), most_refitted=1)
     model = model_structure(load_table("bergamo"))
     problem = SearchProblem.of(model, learn, hold, settings, lambda text, _: SAID.append(text))
     free = FreeParameters(model.table, model.free)

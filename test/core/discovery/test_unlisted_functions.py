@@ -30,7 +30,7 @@ def recorded(name: str, frequency: float) -> Record:
 
 @pytest.fixture(scope="module")
 def problem() -> SearchProblem:
-    settings = replace(search_settings(AXIS), most_functions=1, continued_evaluations=8)
+    settings = replace(search_settings(AXIS), most_refitted=1, continued_evaluations=8)
     structure = model_structure(DECLARED, AXIS)
     return SearchProblem.of(structure, [recorded("a", 0.7)], [recorded("b", 1.1)], settings, lambda *_: None)
 
