@@ -35,15 +35,16 @@ SEVERITY = 0.2  # relative change of the acceleration of the first recording by 
 MOST = 2  # further recordings
 
 
-def measure(table: str, seed: int, minutes: float) -> dict[str, Any]:
+def measure(table: str, seed: int, minutes: float, pressures: bool = False) -> dict[str, Any]:
     """One table: the verdict of its first recording, and what each advice makes of it.
 
     table : declared, or foreign. minutes : of each search on one core.
+    pressures : whether the load pressure is measured.
     """
     rng = np.random.default_rng([seed, 45])
     hides, kind = (DeclaredTable, "full") if table == "declared" else (ForeignTable, "unknown")
     effect = str(rng.choice(hides.EFFECTS))
-    hidden_table = hides(effect, seed, rng)
+    hidden_table = hides(effect, seed, rng, pressures)
     first, second = hidden_table.quake()
     found = close_loop(model(kind), first, second, minutes=minutes, progress=False)
     before = verdict(found, effect)
@@ -57,11 +58,12 @@ def measure(table: str, seed: int, minutes: float) -> dict[str, Any]:
 class HiddenTable(ABC):
     """A hidden table that records, and what its further recordings have asked of it.
 
-    seconds : of excitation. reached : largest position of each [m].
+    pressures : whether its load pressure is measured. seconds : of excitation. reached : largest position of each [m].
     """
 
-    def __init__(self, seed: int, rng: Any) -> None:
-        self.seed, self.rng, self.seconds, self.reached = seed, rng, 0.0, list[float]()
+    def __init__(self, seed: int, rng: Any, pressures: bool) -> None:
+        self.seed, self.rng, self.pressures = seed, rng, pressures
+        self.seconds, self.reached = 0.0, list[float]()
 
     @property
     @abstractmethod
@@ -83,7 +85,7 @@ class HiddenTable(ABC):
     def again(self) -> HiddenTable:
         """The same table, of which nothing has been asked."""
         fresh = copy(self)
-        HiddenTable.__init__(fresh, self.seed, np.random.default_rng([self.seed, 46]))
+        HiddenTable.__init__(fresh, self.seed, np.random.default_rng([self.seed, 46]), self.pressures)
         return fresh
 
     def kept(self, run: Recordings) -> Recordings:
@@ -107,8 +109,8 @@ class DeclaredTable(HiddenTable):
     EFFECTS = tuple(name for name, kind in hidden.HIDDEN.items() if kind.listed)
     sample_time = hidden.SAMPLE
 
-    def __init__(self, effect: str, seed: int, rng: Any) -> None:
-        super().__init__(seed, rng)
+    def __init__(self, effect: str, seed: int, rng: Any, pressures: bool) -> None:
+        super().__init__(seed, rng, pressures)
         self.command = small_quake(10.0, rng)
         felt = dict.fromkeys(("learn_ladder", "learn_multisine"), self.command)
         self.truth = hidden.with_effect(hidden.declared_truth(seed), effect, SEVERITY, felt, seed)
@@ -128,7 +130,8 @@ class DeclaredTable(HiddenTable):
     def _played(self, name: str, excitation: np.ndarray) -> Recordings:
         made = hidden.record(self.truth, excitation, 1.0, self.rng)
         times = np.arange(len(excitation)) * hidden.SAMPLE
-        return recording(name, times, made["command"], made["position"], acceleration=made["acceleration"])
+        load = {n: made[n] for n in ("pressure_a", "pressure_b") if self.pressures}
+        return recording(name, times, made["command"], made["position"], acceleration=made["acceleration"], **load)
 
 
 class ForeignTable(HiddenTable):
@@ -139,8 +142,8 @@ class ForeignTable(HiddenTable):
 
     EFFECTS = foreign.EFFECTS
 
-    def __init__(self, effect: str, seed: int, rng: Any) -> None:
-        super().__init__(seed, rng)
+    def __init__(self, effect: str, seed: int, rng: Any, pressures: bool) -> None:
+        super().__init__(seed, rng, pressures)
         truth = foreign.table(rng)
         bare = foreign.Case(seed, truth, foreign.laboratory(truth, rng), ())
         self.case = foreign.Case(seed, foreign.hide(bare, effect, rng), bare.laboratory, (effect,))
@@ -151,16 +154,15 @@ class ForeignTable(HiddenTable):
 
     def quake(self) -> tuple[Recordings, Recordings]:
         lab = self.case.laboratory
-        made = foreign.played(
-            self.case, foreign.reference("learn_quake_low", self.case.truth, lab.rate, 10.0, self.rng), self.rng
-        )
+        wanted = foreign.reference("learn_quake_low", self.case.truth, lab.rate, 10.0, self.rng)
+        made = foreign.played(self.case, wanted, self.rng, pressures=self.pressures)
         made.pop("noise")
         split = round(6.0 * lab.rate)
         first, second = ({n: v[part] for n, v in made.items()} for part in (slice(split), slice(split, None)))
         return recording("quake_1", **first), recording("quake_2", **second)
 
     def follow(self, motion: np.ndarray) -> Recordings:
-        made = foreign.played(self.case, motion[:, :2], self.rng)
+        made = foreign.played(self.case, motion[:, :2], self.rng, pressures=self.pressures)
         made.pop("noise")
         return self.kept(recording(f"next_{len(self.reached)}", **made))
 
