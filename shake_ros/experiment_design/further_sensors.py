@@ -20,11 +20,10 @@ from numpy.typing import NDArray
 from scipy.signal import cont2discrete, lfilter
 
 from shake_ros.core.identification.recording_problem import RecordingProblem
-from shake_ros.core.identification.recordings import CORRECTION_RATE, MODEL_FLOOR, Record
+from shake_ros.core.identification.recordings import CORRECTION_RATE, FULL, MODEL_FLOOR, Record
 from shake_ros.core.identification.velocity_filter import filtered_velocity, independent_part, velocity_noise_gain
 from shake_ros.core.plant.parameters import FULL_LAYOUT
-from shake_ros.core.plant.simulation import COLUMNS, SMOOTH, initial_state, run_batch
-from shake_ros.core.plant.states import CLOCK, VELOCITY
+from shake_ros.core.plant.simulation import COLUMNS, SMOOTH, run_batch
 from shake_ros.core.quantities import ShakeError, strict_keys, unknown_name
 from shake_ros.settings import find, read_yaml
 
@@ -189,10 +188,8 @@ class WithSensors:
         record = self.record
         rows = vectors[:, : len(FULL_LAYOUT.names)].copy()
         rows[:, OWN_ERRORS] = 0.0
-        starts = np.array([initial_state(v, record.track[0]) for v in rows])
-        starts[:, VELOCITY], starts[:, CLOCK] = record.velocity[0], record.begin
         runs = run_batch(
-            *(rows, starts, record.commands, record.sample_time),
+            *(rows, FULL.begun(rows, record), record.commands, record.sample_time),
             track=record.track,
             command_before=record.command_before,
             measured=record.beginning,

@@ -30,7 +30,7 @@ from shake_ros.core.plant.prediction import (
     relevelled,
 )
 from shake_ros.core.plant.sensors import filter_step
-from shake_ros.core.plant.simulation import NO_PACE, moving_state, workers
+from shake_ros.core.plant.simulation import NO_PACE, build_film, moving_state, workers
 from shake_ros.core.plant.states import (
     BASE,
     BASE_RATE,
@@ -355,6 +355,7 @@ def start_state(vector: np.ndarray, s: Segment) -> np.ndarray:
     gained = late * a if math.isfinite(a) else 0.0
     state = moving_state(table, float(s.position[0]) + moved, s.velocity + gained, a, s.command_before)
     state[LAGGED_POSITION] -= moved
+    build_film(table, state, s.past, s.dt)
     state[CLOCK] = s.begin
     return state
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -27,7 +27,7 @@ class Segment:
     name : of the recording. run : its number. dt : [s]. commands : [-]. command_before : before the first one [-].
     position : [m]. acceleration : [m/s²], NaN where it was not measured. velocity : at the first sample [m/s].
     pressure : of chamber A less that of B [Pa]; None where it was not measured.
-    begin : time of the first sample since the recording's start [s].
+    begin : time of the first sample since the recording's start [s]. past : velocity before it, shape (k,) [m/s].
     noise : standard deviation of the noise of position [m], acceleration [m/s²] and, if measured, pressure [Pa].
     """
 
@@ -42,6 +42,7 @@ class Segment:
     begin: float
     noise: tuple[float, ...]
     pressure: Array | None = None
+    past: Array = field(default_factory=lambda: np.zeros(0))
 
     @classmethod
     def of(cls, record: Record) -> Segment:
@@ -66,6 +67,7 @@ class Segment:
             record.begin,
             noise,
             record.pressure,
+            record.past,
         )
 
     @cached_property

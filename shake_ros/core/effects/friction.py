@@ -108,10 +108,30 @@ class FilmFriction(Effect):
 
 
 @njit
+def steady_film(p, velocity):
+    """h of a steady velocity [-]."""
+    return min((abs(velocity) / p.film_friction_full_film_velocity) ** (2.0 / 3.0), 1.0)
+
+
+@njit
 def film_rate(p, film, velocity):
     """dh/dt [1/s]."""
-    steady = min((abs(velocity) / p.film_friction_full_film_velocity) ** (2.0 / 3.0), 1.0)
-    return (steady - film) / p.film_friction_time_constant
+    return (steady_film(p, velocity) - film) / p.film_friction_time_constant
+
+
+@njit
+def film_after(p, velocity, dt):
+    """h after a motion from rest.
+
+    Parameters
+    ----------
+    velocity : held over each sample, shape (n,) [m/s]. dt : [s].
+    """
+    film, kept = 0.0, math.exp(-dt / p.film_friction_time_constant)
+    for k in range(len(velocity)):
+        steady = steady_film(p, velocity[k])
+        film = steady + (film - steady) * kept
+    return film
 
 
 @dataclass(frozen=True)

@@ -246,6 +246,7 @@ def thinned(record: Record) -> Record:
         position=fewer(record.position),
         acceleration=None if record.acceleration is None else averaged(record.acceleration),
         pressure=None if record.pressure is None else averaged(record.pressure),
+        past=record.past[::factor],
         valid=np.logical_and.reduce(record.whole[: count * factor].reshape(count, factor), axis=1),
     )
 

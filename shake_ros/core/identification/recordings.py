@@ -26,7 +26,16 @@ from shake_ros.core.identification.velocity_filter import (
     velocity_noise_gain,
 )
 from shake_ros.core.plant.parameters import FULL_LAYOUT, TableLayout, TableParameters
-from shake_ros.core.plant.simulation import COLUMNS, NOTHING, SMOOTH, UNSEEN, initial_state, run, run_batch
+from shake_ros.core.plant.simulation import (
+    COLUMNS,
+    NOTHING,
+    SMOOTH,
+    UNSEEN,
+    build_film,
+    initial_state,
+    run,
+    run_batch,
+)
 from shake_ros.core.plant.states import CLOCK, VELOCITY
 from shake_ros.core.quantities import ShakeError
 
@@ -70,6 +79,7 @@ class Record:
         the valve that models have added to the commands [-]. run : number of the recording, of those that are learned
         from and then those held out. own : what a force-driven axis takes from this recording
         for itself, see slow_changes.py. explained : where the command explains the response; None: everywhere.
+        past : velocity before the first sample, by which friction's film has built up, shape (k,) [m/s].
     """
 
     name: str
@@ -89,6 +99,7 @@ class Record:
     run: int = 0
     own: tuple[str, ...] = ()
     explained: ExplainedBand | None = None
+    past: np.ndarray = field(default_factory=lambda: NOTHING)
     velocity: np.ndarray = field(init=False)
     track: np.ndarray = field(init=False)
 
@@ -104,8 +115,10 @@ class Record:
     def part(self, span: slice) -> Record:
         """The samples from span.start to before span.stop, as a recording of the same name with nothing of its own."""
         first = span.start
+        before = self.velocity[:first]
         return replace(
             self,
+            past=np.concatenate([self.past, before]) if len(self.past) else before,
             commands=self.commands[span],
             position=self.position[span],
             acceleration=None if self.acceleration is None else self.acceleration[span],
@@ -388,11 +401,8 @@ class FullModel(DeclaredModel):
     def compared(self, vectors: np.ndarray, record: Record, injection: float = 0.0) -> Compared:
         """Velocity, acceleration and, where it was measured, the load pressure."""
         measured = record.motion if injection > 0.0 else record.beginning
-        starts = np.array([initial_state(v, record.track[0]) for v in vectors])
-        starts[:, VELOCITY] = record.velocity[0]
-        starts[:, CLOCK] = record.begin
         out = run_batch(
-            *(vectors, starts, record.commands, record.sample_time),
+            *(vectors, self.begun(vectors, record), record.commands, record.sample_time),
             track=record.track,
             command_before=record.command_before,
             measured=measured,
@@ -410,8 +420,7 @@ class FullModel(DeclaredModel):
 
     def run_under(self, table: TableParameters, record: Record, forces: np.ndarray) -> np.ndarray:
         """The run under an additional force."""
-        state = initial_state(table.vector(), record.track[0])
-        state[VELOCITY], state[CLOCK] = record.velocity[0], record.begin
+        (state,) = self.begun(table.vector()[None, :], record)
         return run(
             *(table, record.commands, record.sample_time),
             position=record.track,
@@ -423,6 +432,15 @@ class FullModel(DeclaredModel):
             cutoff=record.cutoff,
             tolerance=SMOOTH,
         )
+
+    @staticmethod
+    def begun(vectors: np.ndarray, record: Record) -> np.ndarray:
+        """States of rows of parameters at the first sample of a recording, shape (m, STATES)."""
+        states = np.array([initial_state(v, record.track[0]) for v in vectors])
+        states[:, VELOCITY], states[:, CLOCK] = record.velocity[0], record.begin
+        for vector, state in zip(vectors, states, strict=True):
+            build_film(vector, state, record.past, record.sample_time)
+        return states
 
     def moved_mass(self, table: TableParameters) -> float:
         """Declared mass in motion [kg]."""

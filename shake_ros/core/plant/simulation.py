@@ -8,12 +8,14 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from shake_ros.core.effects.friction import film_after
 from shake_ros.core.plant.cylinder import rest_pressures
 from shake_ros.core.plant.integration import MOST, OUTPUTS, acceleration_now, simulate, spool_command
 from shake_ros.core.plant.parameters import INDEX, TableParameters, records
 from shake_ros.core.plant.sensors import filter_step
 from shake_ros.core.plant.states import (
     CONTINUOUS,
+    FILM,
     FRICTION_AT_STOP,
     FRICTION_RISE,
     HELD_COMMAND,
@@ -66,6 +68,18 @@ def initial_state(vector: np.ndarray, position: float = 0.0) -> np.ndarray:
     if vector[INDEX["valve.kind"]] == DETAILED:
         y[VALVE : VALVE + VALVE_STATES] = valve_at_rest(records(vector)[0], supply, tank)
     return y
+
+
+def build_film(vector: np.ndarray, y: np.ndarray, past: np.ndarray, sample_time: float) -> None:
+    """Give a state the film of friction that a motion has left, in place.
+
+    Parameters
+    ----------
+    vector : parameters in the order of `parameters.NAMES`. past : velocity before the state's instant, (n,) [m/s].
+    sample_time : of it [s].
+    """
+    if vector[INDEX["effects.film_friction.relief"]] and len(past):
+        y[FILM] = film_after(records(vector)[0], past, sample_time)
 
 
 def weigh(vector: np.ndarray, y: np.ndarray, acceleration: float = 0.0) -> None:
