@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,9 +11,10 @@ from closed_loops import declared_fit, recording
 from hidden_table import ACCELERATION_NOISE, POSITION_NOISE, POSITION_STEP, SAMPLE_TIME, Hidden, record
 
 from shake_ros.core.identification.recording_problem import BLOCK, BLOCKS, RecordingProblem
-from shake_ros.core.identification.recordings import SETTLE, Record, relative_error, windows
+from shake_ros.core.identification.recordings import FULL, SETTLE, Record, relative_error, windows
 from shake_ros.core.identification.velocity_filter import derivative, filtered_velocity, low_pass
 from shake_ros.core.plant.simulation import run
+from shake_ros.core.plant.states import FILM
 from shake_ros.settings import load_table
 
 TIME = np.arange(5000) * 0.001
@@ -193,3 +195,23 @@ def test_a_run_changes_as_smoothly_as_the_parameter_that_is_changed() -> None:
     at, near, far = problem.residuals(np.array([t.vector() for t in tables]))
     rates = (near - at) / changes[1], (far - at) / changes[2]
     assert np.linalg.norm(rates[0] - rates[1]) < 0.2 * np.linalg.norm(rates[1])
+
+
+def test_a_part_of_a_recording_begins_with_the_film_of_friction_that_its_past_has_left() -> None:
+    film = {"relief": 0.9, "full_film_velocity": 0.15, "time_constant": 2.0}
+    table = load_table("bergamo").with_values({f"effects.film_friction.{n}": v for n, v in film.items()})
+    command = 0.3 * np.sin(2.0 * np.pi * 1.5 * TIME)
+    whole = Record("run", 0.001, command, run(table, command, 0.001)[:, 0])
+    part = whole.part(slice(1000, 5000)).part(slice(1500, 4000))  # parts of parts have all of the past
+    assert len(part.past) == 2500
+    assert np.std(part.past - whole.velocity[:2500]) < 0.01 * np.std(whole.velocity)
+    (begun,) = FULL.begun(table.vector()[None, :], part)
+    steady = np.minimum((np.abs(whole.velocity[:2500]) / film["full_film_velocity"]) ** (2.0 / 3.0), 1.0)
+    left = np.exp(-np.arange(2500, 0, -1) * 0.001 / film["time_constant"])  # of what each sample adds
+    assert begun[FILM] == pytest.approx(
+        np.sum(steady * left) * (1.0 - np.exp(-0.001 / film["time_constant"])), rel=0.01
+    )
+    true, kept, lost = (r[-2000:, 2] for r in (
+        run(table, command, 0.001), FULL.run(table, part), FULL.run(table, replace(part, past=np.zeros(0)))
+    ))  # fmt: skip
+    assert np.std(kept - true) < 0.2 * np.std(lost - true)
