@@ -91,7 +91,7 @@ def with_refined_nodes(problem: SearchProblem, step: ForwardStep) -> ForwardStep
     start[own] = values / free.scale[own]
     start = np.clip(start, with_ends.low, with_ends.high)
     settings = problem.settings
-    tried = problem.fitted(with_ends, start, settings.continued_evaluations, settings.continued_tolerance, near=True)
+    tried = problem.fitted(with_ends, start, settings.continued_evaluations, settings.function_tolerance, near=True)
     if tried.score >= chosen.result.score:
         return step
     candidate = replace(chosen.candidate, free=(*chosen.candidate.free, *moved))

@@ -315,13 +315,13 @@ def fit_to_pieces(problem: SearchProblem, found: ScreenedFunction) -> Fit:
     costs = np.sum(np.nan_to_num(pieces.residuals(free.vectors(rows)), nan=1e3) ** 2, axis=1)
     start, most = rows[int(np.argmin(costs))], settings.continued_evaluations
     first = WithNodePrior(pieces, free, settings)
-    return approached(first, free, start, evaluations=most, tolerance=settings.continued_tolerance)
+    return approached(first, free, start, evaluations=most, tolerance=settings.function_tolerance)
 
 
 def fit_function(problem: SearchProblem, found: ScreenedFunction, short: Fit) -> Fit:
     """The same fitted to all estimation data, from where the fit to pieces has led."""
     settings, free = problem.settings, found.free
     whole = WithNodePrior(problem.estimation, free, settings)
-    most, tolerance = settings.continued_evaluations, settings.continued_tolerance
+    most, tolerance = settings.continued_evaluations, settings.function_tolerance
     result = fit(whole, free, short.x, evaluations=most, tolerance=tolerance)
     return replace(linearised(problem.estimation, result), evaluations=result.evaluations)
