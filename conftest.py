@@ -20,8 +20,8 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent
 ORDER = (  # the first needs nothing compiled, so that one worker alone compiles what the other folders share
-    *("test/data", "test/cli", "test/api", "test/ros", "test/core/discovery", "test/core/identification"),
-    *("test/search", "test/report", "test/benchmarks"),
+    *("test/recordings", "test/cli", "test/api", "test/ros", "test/search", "test/repair", "test/fit"),
+    *("test/report", "test/benchmarks"),
 )
 SHARED = "closed_loops"  # a module whose searches are kept for the length of a process
 TURN = "SHAKE_ROS_TEST_TURN"  # where the second tier begins when it has not time for all

@@ -74,7 +74,7 @@ PUBLIC = {  # name → module
     "TunedController": "shake_ros.api.tune",
     "TunedTable": "shake_ros.api.tune_table",
     "tune": "shake_ros.api.tune",
-    "describing_function": "shake_ros.core.analysis.frequency_response",
+    "describing_function": "shake_ros.signals.frequency_response",
 }
 
 if TYPE_CHECKING:  # the same for type checkers and editors
@@ -112,7 +112,6 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from shake_ros.campaigns.campaign import campaign as campaign
     from shake_ros.commissioning.commission import Commission as Commission
     from shake_ros.commissioning.commission import commission as commission
-    from shake_ros.core.analysis.frequency_response import describing_function as describing_function
     from shake_ros.demonstration.demo import Demo as Demo
     from shake_ros.demonstration.demo import demo as demo
     from shake_ros.experiment_design.next_recording import NextRecording as NextRecording
@@ -128,6 +127,7 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from shake_ros.qualification.result import certified as certified
     from shake_ros.qualification.sequence import qualify_sequence as qualify_sequence
     from shake_ros.report.result_table import ResultTable as ResultTable
+    from shake_ros.signals.frequency_response import describing_function as describing_function
     from shake_ros.thesis.figures import figures as figures
     from shake_ros.thesis.reproduce import Reproduction as Reproduction
     from shake_ros.thesis.reproduce import reproduce as reproduce

@@ -14,8 +14,8 @@ import sys
 import warnings
 from collections.abc import Sequence
 
-from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.entry_points import COMMANDS, ENTRY_POINTS, NODES
+from shake_ros.quantities import ShakeError, unknown_name
 
 ROS_PACKAGES = {
     "rclpy", "builtin_interfaces", "rcl_interfaces", "rosgraph_msgs", "std_msgs", "std_srvs", "sensor_msgs",

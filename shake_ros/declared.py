@@ -9,19 +9,19 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from shake_ros.core.discovery.candidates import CandidateEffect, candidates, scaled
-from shake_ros.core.discovery.problem import ModelStructure
-from shake_ros.core.discovery.search_settings import SearchSettings
-from shake_ros.core.identification import experiments
-from shake_ros.core.identification.free_parameters import FreeParameter, free_parameter, null_shifts_of
-from shake_ros.core.identification.nuisances import Prepared
-from shake_ros.core.identification.recordings import FULL, DeclaredModel
-from shake_ros.core.identification.reduced_model import REDUCED
-from shake_ros.core.identification.stages import StartingPoint
-from shake_ros.core.identification.unknown_model import NAME as UNKNOWN
-from shake_ros.core.identification.unknown_model import UnknownModel
-from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
-from shake_ros.core.quantities import ShakeError
+from shake_ros.explain import experiments
+from shake_ros.fit.free_parameters import FreeParameter, free_parameter, null_shifts_of
+from shake_ros.fit.nuisances.prepared import Prepared
+from shake_ros.fit.records import FULL, DeclaredModel
+from shake_ros.fit.reduced_model import REDUCED
+from shake_ros.fit.start.stages import StartingPoint
+from shake_ros.fit.start.unknown_model import NAME as UNKNOWN
+from shake_ros.fit.start.unknown_model import UnknownModel
+from shake_ros.physics.plant.parameters import FULL_LAYOUT, TableParameters
+from shake_ros.quantities import ShakeError
+from shake_ros.search.candidate_effects import CandidateEffect, candidates, scaled
+from shake_ros.search.problem import ModelStructure
+from shake_ros.search.search_settings import SearchSettings
 from shake_ros.settings import find, load_search, load_table, read_yaml, table_of
 
 DEFAULT_TABLE = "bergamo"

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from shake_ros.core.quantities import Parameters, quantity
+from shake_ros.quantities import Parameters, quantity
 
 MCL_CURRENT_AND_FUTURE = 3
 THREADS = Path("/proc/self/task")

@@ -11,12 +11,12 @@ from typing import Any, TypeVar
 
 import yaml
 
-from shake_ros.core.discovery.search_settings import SearchSettings
-from shake_ros.core.fluid import Oil
-from shake_ros.core.plant.parameters import FULL_LAYOUT, TableLayout, TableParameters
-from shake_ros.core.plant.temperature import OilState, at_temperature
-from shake_ros.core.quantities import Parameters, ShakeError, member_from, strict_keys, unknown_name
-from shake_ros.core.safety.causes import InterlockParameters
+from shake_ros.physics.fluid import Oil
+from shake_ros.physics.plant.parameters import FULL_LAYOUT, TableLayout, TableParameters
+from shake_ros.physics.plant.temperature import OilState, at_temperature
+from shake_ros.quantities import Parameters, ShakeError, member_from, strict_keys, unknown_name
+from shake_ros.safety.causes import InterlockParameters
+from shake_ros.search.search_settings import SearchSettings
 
 try:  # libyaml's, which takes a fifth of the time
     from yaml import CSafeLoader as SafeLoader

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from shake_ros.core.discovery.problem import linearised
-from shake_ros.core.identification.fit import Fit
-from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
-from shake_ros.core.identification.recording_problem import RecordingProblem
-from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.fit.free_parameters import FreeParameter, FreeParameters
+from shake_ros.fit.least_squares import Fit
+from shake_ros.fit.recording_problem import RecordingProblem
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.search.problem import linearised
 
 FREE = FreeParameter("valve.flow_coefficient", 1e-9, 0.0, 1e-6, "m^4/(s*N^0.5)")
 

@@ -23,18 +23,18 @@ from shake_ros.api import close_loop as close_loop_verb
 from shake_ros.api.fitted import fit_data
 from shake_ros.api.read import read
 from shake_ros.api.tune_table import tune_table
-from shake_ros.core.discovery.problem import ModelStructure, SearchProblem
-from shake_ros.core.discovery.selection import Selection
-from shake_ros.core.failures import RAISING
-from shake_ros.core.identification.fit import Fit, fit
-from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.recording_problem import RecordingProblem
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.time_budget import never
-from shake_ros.data.recordings import write_table_recording
 from shake_ros.declared import effect_candidates, free_parameters
-from shake_ros.search import close_loop as closing
-from shake_ros.search.close_loop import LoopClosure
+from shake_ros.failures import RAISING
+from shake_ros.fit.free_parameters import FreeParameters
+from shake_ros.fit.least_squares import Fit, fit
+from shake_ros.fit.recording_problem import RecordingProblem
+from shake_ros.fit.records import Record
+from shake_ros.fit.time_budget import never
+from shake_ros.recordings.bags import write_table_recording
+from shake_ros.repair import close_loop as closing
+from shake_ros.repair.close_loop import LoopClosure
+from shake_ros.search.problem import ModelStructure, SearchProblem
+from shake_ros.search.selection import Selection
 from shake_ros.settings import load_search, load_table
 
 SECONDS = 3.0

@@ -6,8 +6,8 @@ import importlib
 from pathlib import Path
 from typing import Any
 
-from shake_ros.data.recordings import BagWriter
 from shake_ros.entry_points import NODES
+from shake_ros.recordings.bags import BagWriter
 from shake_ros.ros import interface
 from shake_ros.ros.conversions import SECOND, codec
 from shake_ros.ros.frame import Behaviour

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 
 from benchmarks.discovery import foreign_tables as foreign
-from shake_ros.core.identification.recordings import Record
+from shake_ros.fit.records import Record
 
 
 @cache

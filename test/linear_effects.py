@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.decision import ForwardStep, Refit
-from shake_ros.core.discovery.problem import ScoredFit, SearchProblem
-from shake_ros.core.identification.fit import fit
-from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.declared import effect_candidates, free_parameters
+from shake_ros.fit.free_parameters import FreeParameters
+from shake_ros.fit.least_squares import fit
+from shake_ros.search.candidate_effects import CandidateEffect
+from shake_ros.search.decision import ForwardStep, Refit
+from shake_ros.search.problem import ScoredFit, SearchProblem
 from shake_ros.settings import load_search, load_table
 
 TABLE = load_table("bergamo")

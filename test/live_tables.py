@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from shake_ros.api.live_table import InterlockHeldError
 from shake_ros.api.simulate import Simulation, simulate
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.safety.causes import InterlockParameters
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.safety.causes import InterlockParameters
 from shake_ros.settings import load_interlock
 
 REST = 300  # samples before and after a drive

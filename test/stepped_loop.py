@@ -1,15 +1,15 @@
-"""The closed loop stepped through the objects of the nodes: what `core.loop.compiled` and the graph must equal."""
+"""The closed loop stepped through the objects of the nodes: what `control.simulation` and the graph must equal."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from shake_ros.core.control.closed_loop import ClosedLoop
-from shake_ros.core.control.runner import Controller
-from shake_ros.core.observer.runner import Observer
-from shake_ros.core.plant.table import Table
-from shake_ros.core.quantities import ShakeError
-from shake_ros.core.reference.program import Program
+from shake_ros.control.closed_loop import ClosedLoop
+from shake_ros.control.laws.runner import Controller
+from shake_ros.control.observer.runner import Observer
+from shake_ros.control.reference.program import Program
+from shake_ros.physics.plant.table import Table
+from shake_ros.quantities import ShakeError
 
 
 def simulate_closed_loop(

@@ -297,7 +297,7 @@ WRONG = (
     "./shake plant --ros-args -p tabel:=bergamo",
     "./shake plant --ros-args -p table:=pisa",
     "./shake controller --ros-args -p controller:=superb",
-    "./shake test test/core/frictions",
+    "./shake test test/physics/frictions",
     "./shake import_csv run9.csv --time t_s --command u --position x --out run9",
     "python -m benchmarks.control.comparisons",
     "python -m benchmarks.realtime.timing --second 3 --nothing",
@@ -388,7 +388,7 @@ def test_yaml_blocks_can_be_read(page: str) -> None:
 
 
 def test_every_effect_tells_what_it_looks_like() -> None:
-    from shake_ros.core.effects import EFFECTS
+    from shake_ros.physics.effects import EFFECTS
 
     told = set(re.findall(r"^### `(\w+)`", text("docs/explanation/effects.md"), re.MULTILINE))
     assert told == set(EFFECTS) - {"unlisted"}

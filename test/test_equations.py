@@ -1,4 +1,4 @@
-"""core/EQUATIONS.md against the code, in both directions."""
+"""physics/EQUATIONS.md against the code, in both directions."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from typing import NamedTuple
 import pytest
 
 PACKAGE = Path(__file__).resolve().parent.parent / "shake_ros"
-CORE = PACKAGE / "core"
-LIST = CORE / "EQUATIONS.md"
+PHYSICS = PACKAGE / "physics"
+ROOMS = ("physics", "signals", "control", "safety", "fit", "search")
+LIST = PHYSICS / "EQUATIONS.md"
 BRACKET = re.compile(r"(?<!\w)\(([2-6]\.\d{1,2}(?:\s*[–,]\s*[2-6]\.\d{1,2})*)\)")  # (2.5), (5.48, 5.49), (6.33–6.37)
 BETWEEN = re.compile(r"([2-6])\.(\d{1,2})\)?\s*–\s*\(?\1\.(\d{1,2})")  # (3.19)–(3.22) or 6.33–6.37
 
@@ -53,10 +54,11 @@ def rows() -> list[Row]:
 
 
 def functions() -> dict[str, Function]:
-    """All functions and methods of core, and of files of other rooms that the list names, by file:function."""
+    """All functions and methods of ROOMS, and of files of other rooms that the list names, by file:function."""
     result = {}
     named = {PACKAGE / place.split(":")[0] for row in rows() for place in row.places}
-    for path in sorted({*CORE.rglob("*.py"), *filter(Path.exists, named)}):
+    own = (path for room in ROOMS for path in (PACKAGE / room).rglob("*.py"))
+    for path in sorted({*own, *filter(Path.exists, named)}):
         source = path.read_text(encoding="utf-8")
         tree = ast.parse(source)
         tokens = tokenize.generate_tokens(io.StringIO(source).readline)
@@ -65,7 +67,7 @@ def functions() -> dict[str, Function]:
         for name, node in defined(tree):
             lines = range(node.lineno, (node.end_lineno or node.lineno) + 1)
             text = "\n".join([ast.get_docstring(node) or "", *(comments.get(line, "") for line in lines)])
-            place = f"{path.relative_to(CORE if path.is_relative_to(CORE) else PACKAGE).as_posix()}:{name}"
+            place = f"{path.relative_to(PHYSICS if path.is_relative_to(PHYSICS) else PACKAGE).as_posix()}:{name}"
             result[place] = Function(place, numbers(text), of_file)
     return result
 
@@ -113,7 +115,7 @@ def test_every_function_that_names_a_number_stands_in_the_list() -> None:
         for f in FUNCTIONS.values()
         if f.own and not any((number, f.place) in listed for number in f.own)
     ]
-    assert not missing, "not in core/EQUATIONS.md: " + "; ".join(missing)
+    assert not missing, "not in physics/EQUATIONS.md: " + "; ".join(missing)
 
 
 def test_every_number_named_in_the_code_is_known_to_the_list() -> None:

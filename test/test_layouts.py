@@ -13,8 +13,8 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from shake_ros.data.recordings import write_table_recording
-from shake_ros.data.recordings.bag import Bag
+from shake_ros.recordings.bags import write_table_recording
+from shake_ros.recordings.bags.bag import Bag
 from shake_ros.ros import interface
 from shake_ros.ros.interface import NAMESPACE, interface_class
 

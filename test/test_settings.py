@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from shake_ros.core.quantities import ShakeError, check, shown, unknown_name
+from shake_ros.quantities import ShakeError, check, shown, unknown_name
 from shake_ros.settings import load_variant, read_yaml
 
 NUMBER = {"unit": "m", "low": 0.0, "high": 1.0}

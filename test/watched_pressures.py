@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.plant.cylinder import PressureWatch
-from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.physics.plant.cylinder import PressureWatch
+from shake_ros.physics.plant.parameters import TableParameters
 
 
 def findings_of_run(table: TableParameters, result: NDArray[np.float64], sample_time: float) -> tuple[str, ...]:

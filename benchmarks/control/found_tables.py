@@ -40,23 +40,23 @@ import numpy as np
 from benchmarks.control.hidden_loop import closed_loop
 from benchmarks.discovery import hidden_tables as hidden
 from shake_ros.api.tune_table import tune_table
-from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.control.closed_loop import ClosedLoop
-from shake_ros.core.control.runner import Controller
-from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.identification.fit import Fit, fit
-from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
-from shake_ros.core.identification.recording_problem import RecordingProblem
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.uncertainty import covariance
-from shake_ros.core.loop.metrics import ASIDE, SETTLING, come_to_rest, ringing, settle_first, still_moving
-from shake_ros.core.loop.robust import Uncertainty
-from shake_ros.core.loop.trials import AT_REST
-from shake_ros.core.observer import OBSERVERS
-from shake_ros.core.observer.runner import Observer
-from shake_ros.core.plant.parameters import FIELDS, FULL_LAYOUT, TableParameters
-from shake_ros.data.reference_file import build_program
+from shake_ros.control.closed_loop import ClosedLoop
+from shake_ros.control.laws import CONTROLLERS
+from shake_ros.control.laws.runner import Controller
+from shake_ros.control.metrics import ASIDE, SETTLING, come_to_rest, ringing, settle_first, still_moving
+from shake_ros.control.observer import OBSERVERS
+from shake_ros.control.observer.runner import Observer
+from shake_ros.control.robust import Uncertainty
+from shake_ros.control.trials import AT_REST
 from shake_ros.declared import effect_candidates, free_parameters
+from shake_ros.fit.free_parameters import FreeParameter, FreeParameters
+from shake_ros.fit.least_squares import Fit, fit
+from shake_ros.fit.recording_problem import RecordingProblem
+from shake_ros.fit.records import Record
+from shake_ros.fit.uncertainty import covariance
+from shake_ros.physics.plant.parameters import FIELDS, FULL_LAYOUT, TableParameters
+from shake_ros.recordings.reference_file import build_program
+from shake_ros.search.candidate_effects import CandidateEffect
 from shake_ros.settings import load_table, load_variant
 
 LENGTH = 0.5  # of the recordings, 1: 7 + 7.5 s

@@ -1,6 +1,6 @@
 """Harmonic cancellation of the 2 Hz sine of 20 mm: python -m benchmarks.control.harmonic_cancellation [--save].
 
-THD of the true acceleration by `core.analysis.thd` in windows of 4 s, orders to 25 and, in the last one, to 100, with
+THD of the true acceleration by `signals.thd` in windows of 4 s, orders to 25 and, in the last one, to 100, with
 the fundamental's amplitude over the wanted one. Position with 8 µm of noise and 16 bits over 300 mm, accelerometer with
 noise, commands one sample late; config/harmonic_cancellation.yaml, switched on from the start. Tables: the one
 fitted to the runs measured on the real table (`bergamo_measured`, which distorts the sine about as that one does) with
@@ -17,17 +17,17 @@ from pathlib import Path
 
 import numpy as np
 
-from shake_ros.core.analysis.thd import harmonics
-from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.control.closed_loop import ClosedLoop
-from shake_ros.core.control.harmonic_cancellation import HarmonicCancellation
-from shake_ros.core.control.runner import Controller
-from shake_ros.core.loop.compiled import Loop, run_batch
-from shake_ros.core.loop.metrics import distortion
-from shake_ros.core.observer import OBSERVERS
-from shake_ros.core.observer.runner import Observer
-from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.control.closed_loop import ClosedLoop
+from shake_ros.control.laws import CONTROLLERS
+from shake_ros.control.laws.harmonic_cancellation import HarmonicCancellation
+from shake_ros.control.laws.runner import Controller
+from shake_ros.control.metrics import distortion
+from shake_ros.control.observer import OBSERVERS
+from shake_ros.control.observer.runner import Observer
+from shake_ros.control.simulation import Loop, run_batch
+from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.settings import find, load_table, load_variant, read_yaml
+from shake_ros.signals.thd import harmonics
 
 SAMPLE_TIME, LATE, SECONDS, WINDOW = 0.001, 1, 84.0, 4.0
 FREQUENCY, AMPLITUDE, MANY = 2.0, 0.02, 100

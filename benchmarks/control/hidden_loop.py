@@ -8,9 +8,9 @@ import numba
 import numpy as np
 
 from benchmarks.discovery import hidden_tables as hidden
-from shake_ros.core.control.closed_loop import ClosedLoop
-from shake_ros.core.control.runner import Controller, step_controller
-from shake_ros.core.observer.runner import Observer, step_observer, work
+from shake_ros.control.closed_loop import ClosedLoop
+from shake_ros.control.laws.runner import Controller, step_controller
+from shake_ros.control.observer.runner import Observer, step_observer, work
 
 LATE = 1  # samples by which a command reaches the table late
 

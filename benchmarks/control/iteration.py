@@ -21,18 +21,18 @@ from pathlib import Path
 import numpy as np
 
 from shake_ros.api.live_table import OwnLoop, own_loop
-from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.control.closed_loop import ClosedLoop
-from shake_ros.core.control.runner import Controller
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.loop.compiled import Loop, simulate
-from shake_ros.core.loop.metrics import spectrum_of
-from shake_ros.core.observer import OBSERVERS
-from shake_ros.core.observer.runner import Observer
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.data.reference_file import build_program
+from shake_ros.control.closed_loop import ClosedLoop
+from shake_ros.control.laws import CONTROLLERS
+from shake_ros.control.laws.runner import Controller
+from shake_ros.control.metrics import spectrum_of
+from shake_ros.control.observer import OBSERVERS
+from shake_ros.control.observer.runner import Observer
+from shake_ros.control.simulation import Loop, simulate
 from shake_ros.declared import effect_candidates, free_parameters
+from shake_ros.fit.records import Record
 from shake_ros.iteration.drive import Iteration, iterate, iterate_model, refit
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.recordings.reference_file import build_program
 from shake_ros.settings import find, load_table, load_variant, read_yaml
 
 SAMPLE_TIME, LATE, RUNS = 0.001, 1, 3

@@ -29,21 +29,21 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.compiled import njit
-from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.control.closed_loop import normalised_error
-from shake_ros.core.control.runner import Controller
-from shake_ros.core.loop.compiled import Loop, simulate
-from shake_ros.core.observer import OBSERVERS
-from shake_ros.core.observer.linear import LinearObserver, kalman_gain
-from shake_ros.core.observer.model_sliding_mode import ModelSlidingModeObserver
-from shake_ros.core.observer.robust_exact_differentiator import GAINS, worst_case
-from shake_ros.core.observer.runner import Observer
-from shake_ros.core.observer.sliding_mode import SlidingModeObserver
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.quantities import ShakeError
-from shake_ros.core.reference.program import Program
-from shake_ros.data.reference_file import build_program, load_reference, make_program
+from shake_ros.compiled import njit
+from shake_ros.control.closed_loop import normalised_error
+from shake_ros.control.laws import CONTROLLERS
+from shake_ros.control.laws.runner import Controller
+from shake_ros.control.observer import OBSERVERS
+from shake_ros.control.observer.linear import LinearObserver, kalman_gain
+from shake_ros.control.observer.model_sliding_mode import ModelSlidingModeObserver
+from shake_ros.control.observer.robust_exact_differentiator import GAINS, worst_case
+from shake_ros.control.observer.runner import Observer
+from shake_ros.control.observer.sliding_mode import SlidingModeObserver
+from shake_ros.control.reference.program import Program
+from shake_ros.control.simulation import Loop, simulate
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.quantities import ShakeError
+from shake_ros.recordings.reference_file import build_program, load_reference, make_program
 from shake_ros.settings import load_table, load_variant
 
 Array = NDArray[np.float64]

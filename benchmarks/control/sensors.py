@@ -9,7 +9,7 @@ accelerometer with 0.05 m/s², a bias of 0.2 m/s² that the model does not know 
 pressures with 0.2 bar. An earthquake of 3 m/s² with one sample of delay, after two seconds of rest. Errors are rms
 errors over that of the reference (tracking) or of the motion (estimate), in per cent; `after` counts from the loss of
 the sensor, or from its time in rows without one, to the end of the motion. The last column is the largest ringing
-(core.loop.metrics).
+(control.metrics).
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ import numpy as np
 from benchmarks.control.hidden_loop import closed_loop
 from benchmarks.discovery import hidden_tables as hidden
 from shake_ros.api.tune_table import TunedTable, tune_table
-from shake_ros.core.control.closed_loop import ClosedLoop
-from shake_ros.core.control.runner import Controller
-from shake_ros.core.control.three_variable import ThreeVariable
-from shake_ros.core.loop.metrics import SETTLING, come_to_rest, ringing, settle_first
-from shake_ros.core.observer import OBSERVERS
-from shake_ros.core.observer.model import ModelObserver
-from shake_ros.core.observer.runner import Observer
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.data.reference_file import build_program
+from shake_ros.control.closed_loop import ClosedLoop
+from shake_ros.control.laws.runner import Controller
+from shake_ros.control.laws.three_variable import ThreeVariable
+from shake_ros.control.metrics import SETTLING, come_to_rest, ringing, settle_first
+from shake_ros.control.observer import OBSERVERS
+from shake_ros.control.observer.model import ModelObserver
+from shake_ros.control.observer.runner import Observer
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.recordings.reference_file import build_program
 from shake_ros.settings import load_table, load_variant
 
 SECONDS, LOST_AT = 8.0, 4.0  # [s] of the earthquake

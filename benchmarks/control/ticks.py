@@ -14,15 +14,15 @@ from pathlib import Path
 
 import numpy as np
 
-from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.control.runner import Controller
-from shake_ros.core.loop.linear_loop import LAWS
-from shake_ros.core.observer import OBSERVERS
-from shake_ros.core.observer.law import work
-from shake_ros.core.observer.load import LoadTracker, LoadTracking, track
-from shake_ros.core.observer.runner import Observer
-from shake_ros.core.plant.table import Table
-from shake_ros.data.reference_file import build_program
+from shake_ros.control.laws import CONTROLLERS
+from shake_ros.control.laws.runner import Controller
+from shake_ros.control.linear_loop import LAWS
+from shake_ros.control.observer import OBSERVERS
+from shake_ros.control.observer.law import work
+from shake_ros.control.observer.load import LoadTracker, LoadTracking, track
+from shake_ros.control.observer.runner import Observer
+from shake_ros.physics.plant.table import Table
+from shake_ros.recordings.reference_file import build_program
 from shake_ros.settings import find, load_table, load_variant, read_yaml
 
 DT, SAMPLES, FIRST = 1e-3, 3000, 500  # the first samples compile

@@ -21,14 +21,14 @@ import numpy as np
 
 from benchmarks.discovery import hidden_tables as hidden
 from shake_ros.api.tune_table import TunedTable, tune_table
-from shake_ros.core.control.runner import step_controller
-from shake_ros.core.control.virtual_table import step as step_virtual
-from shake_ros.core.loop.metrics import come_to_rest
-from shake_ros.core.observer.load import LoadTracker, LoadTracking, track
-from shake_ros.core.observer.runner import step_observer, work
-from shake_ros.core.plant.options import set_load
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.data.reference_file import build_program
+from shake_ros.control.laws.runner import step_controller
+from shake_ros.control.laws.virtual_table import step as step_virtual
+from shake_ros.control.metrics import come_to_rest
+from shake_ros.control.observer.load import LoadTracker, LoadTracking, track
+from shake_ros.control.observer.runner import step_observer, work
+from shake_ros.physics.plant.options import set_load
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.recordings.reference_file import build_program
 from shake_ros.settings import find, load_table, read_yaml
 
 SECONDS, FIRST = 10.0, 2.0  # [s] of the earthquake; errors count from here on

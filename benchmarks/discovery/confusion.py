@@ -19,12 +19,12 @@ import numpy as np
 from benchmarks.discovery import hidden_tables as hidden
 from shake_ros.api.fitted import names_of
 from shake_ros.api.progress import Ending, Progress
-from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.identification.data_checks import within_stroke
-from shake_ros.core.identification.recordings import Record
-from shake_ros.data.results import close_loop_json
 from shake_ros.declared import effect_candidates, model_structure
-from shake_ros.search.close_loop import LoopClosure, close_loop
+from shake_ros.fit.records import Record
+from shake_ros.fit.start.data_checks import within_stroke
+from shake_ros.repair.close_loop import LoopClosure, close_loop
+from shake_ros.report.report_json import close_loop_json
+from shake_ros.search.candidate_effects import CandidateEffect
 from shake_ros.settings import load_search, load_table
 
 NONE = "none"

@@ -12,9 +12,9 @@ import numpy as np
 from benchmarks.discovery import foreign_tables, hidden_tables
 from shake_ros.api import fitted
 from shake_ros.api.read import recording
-from shake_ros.core.identification.recordings import Record
-from shake_ros.data.recordings import TableRecording
-from shake_ros.explain.backlash import BACKLASH, LONG, SHARE, dwells, share_of_dwells
+from shake_ros.fit.records import Record
+from shake_ros.fit.start.backlash import BACKLASH, LONG, SHARE, dwells, share_of_dwells
+from shake_ros.recordings.bags import TableRecording
 
 FIRST, SHARES = 3000, (0.1, 0.3)
 FOREIGN = range(2052, 2082)

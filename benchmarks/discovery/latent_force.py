@@ -17,9 +17,9 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from benchmarks.discovery import hidden_tables as hidden
-from shake_ros.core.identification.recordings import FULL, Record
-from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.explain.latent_force import LatentForce, latent_force
+from shake_ros.fit.records import FULL, Record
+from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.settings import load_search, load_table
 
 FORCES: dict[str, dict[str, float]] = {

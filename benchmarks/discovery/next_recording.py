@@ -25,11 +25,11 @@ from benchmarks.discovery import hidden_tables as hidden
 from shake_ros.api.close_loop import Discovery, close_loop
 from shake_ros.api.model import model
 from shake_ros.api.read import Recordings, recording
-from shake_ros.core.discovery.verdict import ESTABLISHED, ONE_OF_THESE
-from shake_ros.core.identification.experiments import benefits, drive
 from shake_ros.declared import recordings_to_make
 from shake_ros.experiment_design.motions import library
 from shake_ros.experiment_design.next_recording import NextRecording, decide, limits_of
+from shake_ros.explain.experiments import benefits, drive
+from shake_ros.search.verdict import ESTABLISHED, ONE_OF_THESE
 
 SEVERITY = 0.2  # relative change of the acceleration of the first recording by the effect
 MOST = 2  # further recordings

@@ -23,14 +23,14 @@ from benchmarks.discovery import confusion
 from benchmarks.discovery import hidden_tables as hidden
 from shake_ros.api.progress import Progress
 from shake_ros.campaigns.report import Share
-from shake_ros.core.identification.approach import INJECTION, approached
-from shake_ros.core.identification.equal_commands import FreeAndPredictor, process_noise
-from shake_ros.core.identification.fit import Fit, fit
-from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.recording_problem import RecordingProblem
-from shake_ros.core.identification.recordings import Record
 from shake_ros.declared import model_structure
-from shake_ros.search.close_loop import close_loop
+from shake_ros.fit.free_parameters import FreeParameters
+from shake_ros.fit.least_squares import Fit, fit
+from shake_ros.fit.nuisances.equal_commands import FreeAndPredictor, process_noise
+from shake_ros.fit.recording_problem import RecordingProblem
+from shake_ros.fit.records import Record
+from shake_ros.fit.start.approach import INJECTION, approached
+from shake_ros.repair.close_loop import close_loop
 from shake_ros.settings import load_search, load_table
 
 FORCES = (0.0, 60.0, 180.0)  # [N rms]

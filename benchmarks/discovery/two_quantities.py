@@ -17,11 +17,11 @@ from typing import Any
 from benchmarks.discovery import confusion
 from benchmarks.discovery import hidden_tables as hidden
 from shake_ros.api.fitted import names_of
-from shake_ros.core.identification.recordings import Record
-from shake_ros.data.results import close_loop_json
 from shake_ros.declared import model_structure
+from shake_ros.fit.records import Record
+from shake_ros.repair.close_loop import close_loop
+from shake_ros.report.report_json import close_loop_json
 from shake_ros.report.text import function_line
-from shake_ros.search.close_loop import close_loop
 from shake_ros.settings import load_search, load_table
 
 HIDDEN: dict[str, dict[str, float]] = {

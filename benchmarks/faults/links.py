@@ -20,11 +20,11 @@ from rclpy.parameter import Parameter
 from benchmarks import ROOT
 from benchmarks.faults.cases import BRIDGE, PLANT, Case
 from shake_ros.bridge.emulator import JOURNAL
-from shake_ros.core.safety.causes import NUMBERS
 from shake_ros.ros.conversions import codec
 from shake_ros.ros.graph import Graph, NodeSpec
 from shake_ros.ros.interface import NAMESPACE, SERVICES, TOPICS
 from shake_ros.ros.loop import make_executor, ros_context
+from shake_ros.safety.causes import NUMBERS
 from shake_ros.settings import config_folder, load_interlock
 
 TABLE_NODE = {PLANT: "plant", BRIDGE: "hardware_bridge"}

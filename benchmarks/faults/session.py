@@ -14,9 +14,9 @@ from rclpy.serialization import deserialize_message
 from benchmarks.faults.cases import BRIDGE, WATCH, Case
 from benchmarks.faults.links import NAMES, SIGNALS, Link, Operator, tail, target_action
 from benchmarks.realtime.listener import Listener
-from shake_ros.core.safety.causes import PROGRAM_HOLD, SEVERITY
-from shake_ros.data.reference_file import load_reference, make_program
+from shake_ros.recordings.reference_file import load_reference, make_program
 from shake_ros.ros.interface import DIAGNOSTICS, VALVE_COMMAND
+from shake_ros.safety.causes import PROGRAM_HOLD, SEVERITY
 from shake_ros.settings import config_folder
 
 SHORT = {

@@ -32,16 +32,16 @@ import numpy as np
 
 from benchmarks.discovery import hidden_tables as hidden
 from benchmarks.plant import reference_model as reference
-from shake_ros.core.discovery.declared_fit import with_late_parameters
-from shake_ros.core.discovery.problem import SearchProblem
-from shake_ros.core.identification.fit import fit
-from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.uncertainty import Estimate, estimates, form_errors
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.plant.simulation import run
-from shake_ros.core.quantities import unknown_name
 from shake_ros.declared import model_structure
+from shake_ros.fit.free_parameters import FreeParameters
+from shake_ros.fit.least_squares import fit
+from shake_ros.fit.records import Record
+from shake_ros.fit.uncertainty import Estimate, estimates, form_errors
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.physics.plant.simulation import run
+from shake_ros.quantities import unknown_name
+from shake_ros.search.declared_fit import with_late_parameters
+from shake_ros.search.problem import SearchProblem
 from shake_ros.settings import load_search, load_table
 
 SAME_DEFICIT = 2.0 * 0.693 * 1e-3  # ∫(1 − v/w) dv = ∫(1 − tanh(v/(1 mm/s))) dv for this width w [m/s]

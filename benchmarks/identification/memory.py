@@ -17,11 +17,11 @@ from pathlib import Path
 
 import numpy as np
 
-from shake_ros.core.discovery.declared_fit import identify
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.plant.simulation import run
-from shake_ros.data.recordings import read_table_recording, write_table_recording
 from shake_ros.declared import model_structure
+from shake_ros.fit.records import Record
+from shake_ros.physics.plant.simulation import run
+from shake_ros.recordings.bags import read_table_recording, write_table_recording
+from shake_ros.search.declared_fit import identify
 from shake_ros.settings import load_search, load_table
 
 RATE = 1000  # [Hz]

@@ -26,14 +26,14 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks import ROOT
-from shake_ros.core.identification.fit import fit
-from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.recording_problem import RecordingProblem
-from shake_ros.core.identification.recordings import Record, relative_error
-from shake_ros.core.identification.reduced_model import REDUCED
-from shake_ros.core.identification.velocity_filter import filtered_velocity
-from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.declared import effect_candidates, free_parameters
+from shake_ros.fit.free_parameters import FreeParameters
+from shake_ros.fit.least_squares import fit
+from shake_ros.fit.recording_problem import RecordingProblem
+from shake_ros.fit.records import Record, relative_error
+from shake_ros.fit.reduced_model import REDUCED
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.signals.velocity_filter import filtered_velocity
 
 LEARN = ("SineA02F02", "SineA05F03", "SineA3F08")
 HOLD = ("SineA1F1", "SquareA05F1", "seisme")

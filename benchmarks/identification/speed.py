@@ -23,13 +23,13 @@ from scipy.integrate import solve_ivp
 
 from benchmarks.discovery import hidden_tables as hidden
 from benchmarks.plant import reference_model as reference
-from shake_ros.core.discovery.declared_fit import identify
-from shake_ros.core.identification.fit import fit
-from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.recording_problem import RecordingProblem
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.plant.simulation import workers
 from shake_ros.declared import free_parameters, model_structure
+from shake_ros.fit.free_parameters import FreeParameters
+from shake_ros.fit.least_squares import fit
+from shake_ros.fit.recording_problem import RecordingProblem
+from shake_ros.fit.records import Record
+from shake_ros.physics.plant.simulation import workers
+from shake_ros.search.declared_fit import identify
 from shake_ros.settings import load_search, load_table
 
 FIELDS = ("coulomb", "rise", "decay", "viscous", "modulus", "internal", "external", "flow")

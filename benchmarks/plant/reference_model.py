@@ -1,4 +1,4 @@
-"""The declared table written a second time, from the equation sheet alone, for comparison with shake_ros.core.plant.
+"""The declared table written a second time, from the equation sheet alone, for comparison with shake_ros.physics.plant.
 
 Six states (6.2): x [m], v [m/s], P_A, P_B [Pa], x_s* [-], ẋ_s* [1/s]; the two sides of the cylinder may differ (3.23).
 Plain floats and math only, so that the same functions serve scipy's Radau as they stand and, compiled, a Runge–Kutta of

@@ -29,8 +29,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from benchmarks.plant import reference_model as reference
-from shake_ros.core.effects import EFFECTS
-from shake_ros.core.plant.simulation import TOLERANCE, initial_state, run, run_batch, workers
+from shake_ros.physics.effects import EFFECTS
+from shake_ros.physics.plant.simulation import TOLERANCE, initial_state, run, run_batch, workers
 from shake_ros.settings import load_table
 
 SAMPLE = 0.001

@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.qualification.identified import CASES
-from shake_ros.core.analysis.response_spectrum import response_spectrum
-from shake_ros.core.reference.baseline import states_from_rest
+from shake_ros.control.reference.baseline import states_from_rest
 from shake_ros.qualification.asked import load_rules, load_settings
 from shake_ros.qualification.motion import MotionParameters, aimed, matched, random_phases, rough
 from shake_ros.qualification.required import GRAVITY, RequiredSpectrum, load_required
+from shake_ros.signals.response_spectrum import response_spectrum
 
 Array = NDArray[np.float64]
 STEP, PER_DECADE = 0.004, 100

@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Any
 
 import shake_ros as sr
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.quantities import ShakeError
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.quantities import ShakeError
 from shake_ros.settings import load_table
 
 HIDDEN = {

@@ -15,7 +15,7 @@ import time
 from pathlib import Path
 
 import shake_ros as sr
-from shake_ros.core.quantities import ShakeError
+from shake_ros.quantities import ShakeError
 
 TABLES = ("bergamo", "bergamo_cavitation", "bergamo_measured", "bergamo_table_6_9")
 RECORDS = ("earthquake", "earthquake_rock", "earthquake_stiff_soil", "earthquake_soft_soil")

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.signal import lfilter
 
-from shake_ros.core.analysis.response_spectrum import response_spectrum
+from shake_ros.signals.response_spectrum import response_spectrum
 
 Array = NDArray[np.float64]
 STEP, FINE = 0.001, 16

@@ -18,7 +18,7 @@ import tempfile
 from pathlib import Path
 
 from benchmarks.realtime import usual_pattern
-from shake_ros.data.recordings.bag import Bag
+from shake_ros.recordings.bags.bag import Bag
 from shake_ros.ros import interface
 from shake_ros.ros.graph import Graph, NodeSpec, run_composed
 

@@ -24,8 +24,8 @@ import numpy as np
 
 from benchmarks import ROOT
 from benchmarks.realtime.listener import Listener
-from shake_ros.data.recordings import write_table_recording
 from shake_ros.entry_points import NODES
+from shake_ros.recordings.bags import write_table_recording
 from shake_ros.ros.interface import DIAGNOSTICS
 
 TIMEOUT = 120.0  # [s] the first start may have to compile

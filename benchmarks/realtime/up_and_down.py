@@ -19,7 +19,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from shake_ros.data.recordings.bag import Bag
+from shake_ros.recordings.bags.bag import Bag
 from shake_ros.ros.graph import Graph, NodeSpec
 
 SAVED = Path(__file__).with_suffix(".txt")

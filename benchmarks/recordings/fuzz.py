@@ -35,15 +35,15 @@ from benchmarks.recordings import seeds
 from shake_ros import settings
 from shake_ros.bridge.emulator import EmulatorParameters
 from shake_ros.bridge.table_link import BridgeParameters
-from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.observer import OBSERVERS
-from shake_ros.core.quantities import ShakeError
-from shake_ros.core.safety.machine import PowerUnitParameters
-from shake_ros.data.accelerograms import read_accelerogram
-from shake_ros.data.recordings import read_table_recording
-from shake_ros.data.recordings.bag import METADATA
-from shake_ros.data.reference_file import load_reference
+from shake_ros.control.laws import CONTROLLERS
+from shake_ros.control.observer import OBSERVERS
+from shake_ros.quantities import ShakeError
 from shake_ros.realtime import RealtimeParameters
+from shake_ros.recordings.accelerograms import read_accelerogram
+from shake_ros.recordings.bags import read_table_recording
+from shake_ros.recordings.bags.bag import METADATA
+from shake_ros.recordings.reference_file import load_reference
+from shake_ros.safety.machine import PowerUnitParameters
 
 LIMIT = 2.0  # of processor time for one input [s]
 STILL = 120.0  # a child that makes no progress for so long by the wall clock has hung [s]

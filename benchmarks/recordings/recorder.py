@@ -27,13 +27,13 @@ from mcap.writer import Writer as LibraryWriter
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-from shake_ros.core.quantities import ShakeError
-from shake_ros.data.recordings import BagWriter, read_table_recording
-from shake_ros.data.recordings.bag import Bag
-from shake_ros.data.recordings.cdr import columns, typestore
-from shake_ros.data.recordings.series import SIGNALS
-from shake_ros.data.recordings.table_writer import serialised
-from shake_ros.data.recordings.writer import CHUNK_SIZE
+from shake_ros.quantities import ShakeError
+from shake_ros.recordings.bags import BagWriter, read_table_recording
+from shake_ros.recordings.bags.bag import Bag
+from shake_ros.recordings.bags.cdr import columns, typestore
+from shake_ros.recordings.bags.series import SIGNALS
+from shake_ros.recordings.bags.table_writer import serialised
+from shake_ros.recordings.bags.writer import CHUNK_SIZE
 
 TOPICS = ("joint_states", "imu", "reference", "valve_command")
 PERIOD = 1_000_000  # [ns]

@@ -13,7 +13,7 @@ import zstandard
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
 from benchmarks.recordings.raw import JOINT_STATE, STORE, joint_state
-from shake_ros.data.recordings import write_table_recording
+from shake_ros.recordings.bags import write_table_recording
 from shake_ros.settings import find
 
 SAMPLES = 12

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from shake_ros.data.tables.table import read_table
+from shake_ros.recordings.tables.table import read_table
 
 
 def least(work: Callable[[], object], times: int = 3) -> float:

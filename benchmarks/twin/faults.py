@@ -22,7 +22,7 @@ import numpy as np
 from benchmarks.discovery import foreign_tables as foreign
 from benchmarks.discovery import hidden_tables as hidden
 from shake_ros.api.read import Recordings, recording
-from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.settings import load_table
 from shake_ros.twin.change import HOUR
 from shake_ros.twin.follow import Following, follow

@@ -16,12 +16,12 @@ from pathlib import Path
 import numpy as np
 
 import shake_ros as sr
-from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.control.runner import Controller
-from shake_ros.core.observer import OBSERVERS
-from shake_ros.core.observer.runner import Observer
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.reference.motion import smooth_step
+from shake_ros.control.laws import CONTROLLERS
+from shake_ros.control.laws.runner import Controller
+from shake_ros.control.observer import OBSERVERS
+from shake_ros.control.observer.runner import Observer
+from shake_ros.control.reference.motion import smooth_step
+from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.settings import load_table, load_variant
 from shake_ros.twin.followed import TwinSettings, load_twin
 from shake_ros.twin.page import asks_for_action

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from shake_ros.core.effects import EFFECTS, PLACES
+from shake_ros.physics.effects import EFFECTS, PLACES
 
 ROOT = Path(__file__).resolve().parents[2]
 

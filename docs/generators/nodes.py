@@ -16,8 +16,8 @@ from types import ModuleType
 from typing import Any, ClassVar
 from unittest.mock import MagicMock, patch
 
-from shake_ros.core.quantities import ShakeError
 from shake_ros.entry_points import NODES
+from shake_ros.quantities import ShakeError
 
 ROS = ("rclpy", "rcl_interfaces", "builtin_interfaces", "rosgraph_msgs", "std_srvs")
 

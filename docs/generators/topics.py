@@ -13,4 +13,4 @@ def pages() -> dict[str, str]:
     found = {f"topics/{name}.md": page.replace("](../docs/", "](../../../") for name, page in text.items()}
     names = "\n".join(sorted(name for name in text if name != "README"))
     found["topics/README.md"] += f"\n```{{toctree}}\n:hidden:\n\n{names}\n```\n"
-    return {**found, "equations.md": (ROOT / "shake_ros" / "core" / "EQUATIONS.md").read_text(encoding="utf-8")}
+    return {**found, "equations.md": (ROOT / "shake_ros" / "physics" / "EQUATIONS.md").read_text(encoding="utf-8")}

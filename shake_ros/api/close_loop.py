@@ -16,36 +16,24 @@ from shake_ros.api.fitted import Effects, LatentForces, prepared_alike, test_rec
 from shake_ros.api.model import Model
 from shake_ros.api.progress import Ending, Progress, ProgressOption
 from shake_ros.api.tune_table import UNCERTAINTY, TunedTable, tracking, tune_table
-from shake_ros.core.discovery.declared_fit import FittedModel
-from shake_ros.core.discovery.problem import unstopped
-from shake_ros.core.discovery.search_settings import SearchSettings
-from shake_ros.core.discovery.verdict import ESTABLISHED
-from shake_ros.core.failures import Failures
-from shake_ros.core.identification.axis_model import position_errors
-from shake_ros.core.identification.experiments import Candidate
-from shake_ros.core.identification.nuisances import Prepared
-from shake_ros.core.identification.recording_problem import RecordingProblem
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.uncertainty import Estimate, known_covariance
-from shake_ros.core.loop.robust import Uncertainty
-from shake_ros.core.loop.trials import TrackingBenefit
-from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
-from shake_ros.core.quantities import ShakeError
-from shake_ros.data.result_folder import new_folder, write_json
-from shake_ros.data.results import (
-    accounts_json,
-    axis_json,
-    close_loop_json,
-    diagnosis_json,
-    failures_json,
-    found_effects,
-    innovations_json,
-    tracking_json,
-    unknown_json,
-)
+from shake_ros.control.robust import Uncertainty
+from shake_ros.control.trials import TrackingBenefit
 from shake_ros.declared import model_structure, recordings_to_make, search_settings
 from shake_ros.explain.dependence import Remaining
 from shake_ros.explain.diagnosis import Diagnosis, diagnose
+from shake_ros.explain.experiments import Candidate
+from shake_ros.failures import Failures
+from shake_ros.fit.axis_model import position_errors
+from shake_ros.fit.nuisances.prepared import Prepared
+from shake_ros.fit.recording_problem import RecordingProblem
+from shake_ros.fit.records import Record
+from shake_ros.fit.uncertainty import Estimate, known_covariance
+from shake_ros.physics.plant.parameters import FULL_LAYOUT, TableParameters
+from shake_ros.quantities import ShakeError
+from shake_ros.repair import close_loop as closing
+from shake_ros.repair.close_loop import LoopClosure
+from shake_ros.repair.continued import continued
+from shake_ros.repair.rival_models import RivalModel, problem_of, rival_models
 from shake_ros.report.chart import static_figure
 from shake_ros.report.close_loop_page import (
     MODELS,
@@ -56,6 +44,17 @@ from shake_ros.report.close_loop_page import (
     parameters_section,
 )
 from shake_ros.report.page import Page, write_page
+from shake_ros.report.report_json import (
+    accounts_json,
+    axis_json,
+    close_loop_json,
+    diagnosis_json,
+    failures_json,
+    found_effects,
+    innovations_json,
+    tracking_json,
+    unknown_json,
+)
 from shake_ros.report.result_table import ResultTable
 from shake_ros.report.sections import (
     benefit_section,
@@ -65,10 +64,11 @@ from shake_ros.report.sections import (
     sources_of,
 )
 from shake_ros.report.text import error_table, sentence
-from shake_ros.search import close_loop as closing
-from shake_ros.search.close_loop import LoopClosure
-from shake_ros.search.continued import continued
-from shake_ros.search.rival_models import RivalModel, problem_of, rival_models
+from shake_ros.result_folder import new_folder, write_json
+from shake_ros.search.declared_fit import FittedModel
+from shake_ros.search.problem import unstopped
+from shake_ros.search.search_settings import SearchSettings
+from shake_ros.search.verdict import ESTABLISHED
 from shake_ros.settings import save_table
 
 if TYPE_CHECKING:
@@ -343,7 +343,7 @@ def close_loop(
 
     >>> import numpy as np
     >>> import shake_ros as sr
-    >>> from shake_ros.core.plant.axis import AXIS_LAYOUT
+    >>> from shake_ros.physics.plant.axis import AXIS_LAYOUT
     >>> numbers = {"mass": 10.0, "viscous": 20.0, "coulomb": 5.0, "offset": 0.0}
     >>> true = sr.model("axis", AXIS_LAYOUT.table({"axis": numbers}, "axis"))
     >>> time, noise = np.arange(1500) / 1000, np.random.default_rng(0).normal(0.0, 1.0, (4, 1500))

@@ -13,10 +13,10 @@ import numpy as np
 
 from shake_ros.api.loops import Combination, Course, Setup, combinations, load_setup
 from shake_ros.api.progress import Progress, ProgressOption
-from shake_ros.core.control.closed_loop import ClosedLoop
-from shake_ros.core.loop.compiled import Loop, run_batch
-from shake_ros.core.loop.metrics import MEANINGS, UNITS, Outcome, Summary, by_load, judge, summarise
-from shake_ros.core.quantities import unknown_name
+from shake_ros.control.closed_loop import ClosedLoop
+from shake_ros.control.metrics import MEANINGS, UNITS, Outcome, Summary, by_load, judge, summarise
+from shake_ros.control.simulation import Loop, run_batch
+from shake_ros.quantities import unknown_name
 from shake_ros.report.chart import COLOURS, Array, Chart, ChartSeries, Panel, static_figure
 from shake_ros.report.page import Bar, Page
 from shake_ros.report.result import Result
@@ -170,7 +170,7 @@ def compare(
     >>> sr.compare(only=["PD"])
     Traceback (most recent call last):
         ...
-    shake_ros.core.quantities.UnknownName: ...
+    shake_ros.quantities.UnknownName: ...
     """
     setup = load_setup(str(settings), changes)
     chosen = _chosen(setup, only)

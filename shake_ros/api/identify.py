@@ -11,20 +11,18 @@ from typing import TYPE_CHECKING, Any
 from shake_ros.api import fitted
 from shake_ros.api.model import Model
 from shake_ros.api.progress import Progress, ProgressOption
-from shake_ros.core.discovery import declared_fit
-from shake_ros.core.discovery.declared_fit import FittedModel
-from shake_ros.core.identification.axis_model import InverseDynamics, position_errors
-from shake_ros.core.identification.nuisance_estimates import (
-    NuisanceEstimates,
-    estimated_null_shifts,
-    without_null_shifts,
-)
-from shake_ros.core.identification.nuisances import Prepared
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.quantities import ShakeError
-from shake_ros.data.result_folder import write_json
-from shake_ros.data.results import (
+from shake_ros.declared import model_structure, recordings_to_make, search_settings
+from shake_ros.explain.diagnosis import Diagnosis, diagnose
+from shake_ros.fit.axis_model import InverseDynamics, position_errors
+from shake_ros.fit.nuisances.estimates import NuisanceEstimates, estimated_null_shifts, without_null_shifts
+from shake_ros.fit.nuisances.prepared import Prepared
+from shake_ros.fit.records import Record
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.quantities import ShakeError
+from shake_ros.report.chart import static_figure
+from shake_ros.report.close_loop_page import error_meaning, mean_error, parameters_section
+from shake_ros.report.page import Page
+from shake_ros.report.report_json import (
     IDENTIFY_SCHEMA,
     axis_json,
     diagnosis_json,
@@ -32,11 +30,6 @@ from shake_ros.data.results import (
     model_json,
     unknown_json,
 )
-from shake_ros.declared import model_structure, recordings_to_make, search_settings
-from shake_ros.explain.diagnosis import Diagnosis, diagnose
-from shake_ros.report.chart import static_figure
-from shake_ros.report.close_loop_page import error_meaning, mean_error, parameters_section
-from shake_ros.report.page import Page
 from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.report.sections import (
     errors_section,
@@ -48,6 +41,9 @@ from shake_ros.report.sections import (
     sources_of,
 )
 from shake_ros.report.text import error_table
+from shake_ros.result_folder import write_json
+from shake_ros.search import declared_fit
+from shake_ros.search.declared_fit import FittedModel
 from shake_ros.settings import save_table
 
 if TYPE_CHECKING:

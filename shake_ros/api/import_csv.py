@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from shake_ros.core.quantities import ShakeError, unknown_name
-from shake_ros.data.fit_records import SHORT, bridged, longest_short_gap, without_repeats
-from shake_ros.data.recordings import TableRecording, read_table_recording, write_table_recording
-from shake_ros.data.recordings.bag import Finding
-from shake_ros.data.second_file import brought, clock_between, clock_line
-from shake_ros.data.tables.proposal import LONGEST_STEP, Proposal, propose
-from shake_ros.data.tables.table import Column, ColumnTable, read_table
-from shake_ros.data.tables.units import quantity_of
+from shake_ros.quantities import ShakeError, unknown_name
+from shake_ros.recordings.bags import TableRecording, read_table_recording, write_table_recording
+from shake_ros.recordings.bags.bag import Finding
+from shake_ros.recordings.fit_records import SHORT, bridged, longest_short_gap, without_repeats
+from shake_ros.recordings.second_file import brought, clock_between, clock_line
+from shake_ros.recordings.tables.proposal import LONGEST_STEP, Proposal, propose
+from shake_ros.recordings.tables.table import Column, ColumnTable, read_table
+from shake_ros.recordings.tables.units import quantity_of
 
 SIGNALS = {
     "command": "valve command, −1 … 1",

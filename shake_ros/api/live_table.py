@@ -19,16 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.api.tune_table import text_of, tune_table
-from shake_ros.core.control.law import LawParameters
-from shake_ros.core.control.runner import Controller
-from shake_ros.core.observer import OBSERVERS
-from shake_ros.core.observer.law import ObserverParameters
-from shake_ros.core.observer.runner import Observer
-from shake_ros.core.plant.parameters import DELAY, TableParameters
-from shake_ros.core.quantities import Parameters, ShakeError
-from shake_ros.core.safety.causes import InterlockParameters
-from shake_ros.data.recordings import TableRecording, read_table_recording
-from shake_ros.data.reference_file import played
+from shake_ros.control.laws.law import LawParameters
+from shake_ros.control.laws.runner import Controller
+from shake_ros.control.observer import OBSERVERS
+from shake_ros.control.observer.law import ObserverParameters
+from shake_ros.control.observer.runner import Observer
+from shake_ros.physics.plant.parameters import DELAY, TableParameters
+from shake_ros.quantities import Parameters, ShakeError
+from shake_ros.recordings.bags import TableRecording, read_table_recording
+from shake_ros.recordings.reference_file import played
+from shake_ros.safety.causes import InterlockParameters
 from shake_ros.settings import load_variant, save_table
 
 OWN = "own"  # in place of the name of a controller or an observer

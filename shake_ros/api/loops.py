@@ -13,15 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.control.runner import Controller
-from shake_ros.core.loop.compiled import Loop
-from shake_ros.core.loop.metrics import Judged, spectrum_of
-from shake_ros.core.observer import OBSERVERS
-from shake_ros.core.observer.runner import Observer
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.quantities import Parameters, ShakeError, quantity, strict_keys, unknown_name
-from shake_ros.data.reference_file import Reference, load_reference, make_program
+from shake_ros.control.laws import CONTROLLERS
+from shake_ros.control.laws.runner import Controller
+from shake_ros.control.metrics import Judged, spectrum_of
+from shake_ros.control.observer import OBSERVERS
+from shake_ros.control.observer.runner import Observer
+from shake_ros.control.simulation import Loop
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.quantities import Parameters, ShakeError, quantity, strict_keys, unknown_name
+from shake_ros.recordings.reference_file import Reference, load_reference, make_program
 from shake_ros.settings import find, load_table, load_variant, read_yaml
 
 DEAD_TIME = "effects.command_delay.delay"

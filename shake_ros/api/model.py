@@ -9,19 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from shake_ros.api.read import Recordings
-from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.identification.axis_model import AXIS
-from shake_ros.core.identification.data_checks import contradictions, usable_pressures, within_stroke
-from shake_ros.core.identification.late_command import in_time
-from shake_ros.core.identification.models import MODELS
-from shake_ros.core.identification.nuisances import Prepared, prepared
-from shake_ros.core.identification.recordings import DeclaredModel, Record
-from shake_ros.core.identification.slow_changes import with_slow_changes
-from shake_ros.core.identification.stages import StartingPoint, staged_start
-from shake_ros.core.identification.unknown_model import NAME as UNKNOWN
-from shake_ros.core.identification.unknown_model import UnknownModel
-from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
-from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.declared import (
     declared_table,
     effect_candidates,
@@ -29,7 +16,20 @@ from shake_ros.declared import (
     leaves_open,
     unknown_model,
 )
+from shake_ros.fit.axis_model import AXIS
+from shake_ros.fit.models import MODELS
+from shake_ros.fit.nuisances.prepared import Prepared, prepared
+from shake_ros.fit.records import DeclaredModel, Record
+from shake_ros.fit.slow_changes import with_slow_changes
+from shake_ros.fit.start.data_checks import contradictions, usable_pressures, within_stroke
+from shake_ros.fit.start.late_command import in_time
+from shake_ros.fit.start.stages import StartingPoint, staged_start
+from shake_ros.fit.start.unknown_model import NAME as UNKNOWN
+from shake_ros.fit.start.unknown_model import UnknownModel
+from shake_ros.physics.plant.parameters import FULL_LAYOUT, TableParameters
+from shake_ros.quantities import ShakeError, unknown_name
 from shake_ros.report.result_table import ResultTable
+from shake_ros.search.candidate_effects import CandidateEffect
 
 
 @dataclass(frozen=True, repr=False)

@@ -21,9 +21,9 @@ from types import TracebackType
 from tqdm import tqdm as plain
 from tqdm.auto import tqdm
 
-from shake_ros.core.discovery.problem import Stopped
-from shake_ros.core.identification.time_budget import within_budget
-from shake_ros.core.quantities import ShakeError
+from shake_ros.fit.time_budget import within_budget
+from shake_ros.quantities import ShakeError
+from shake_ros.search.problem import Stopped
 
 ProgressOption = (
     bool | Callable[[str, float], None]

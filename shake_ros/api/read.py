@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, overload, runtime_ch
 import numpy.typing as npt
 
 from shake_ros.api.import_csv import import_csv
-from shake_ros.core.quantities import ShakeError, unknown_name
-from shake_ros.data.recordings import TableRecording, Take, read_table_recording, write_table_recording
-from shake_ros.data.recordings.bag import SUFFIXES, natural_order
-from shake_ros.data.recordings.table import ARRAYS
+from shake_ros.quantities import ShakeError, unknown_name
+from shake_ros.recordings.bags import TableRecording, Take, read_table_recording, write_table_recording
+from shake_ros.recordings.bags.bag import SUFFIXES, natural_order
+from shake_ros.recordings.bags.table import ARRAYS
 from shake_ros.report.result_table import ResultTable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from shake_ros.core.identification.recordings import Record
+    from shake_ros.fit.records import Record
 
 
 TABLES = (".csv", ".txt", ".dat", ".tsv", ".mat")
@@ -97,7 +97,7 @@ class Recordings(Sequence[TableRecording]):
     @property
     def findings(self) -> list[str]:
         """What reading met, a line each: gaps, stamps, values that are not numbers, leaps of the position."""
-        from shake_ros.data.fit_records import finding_lines
+        from shake_ros.recordings.fit_records import finding_lines
 
         return [line for r in self for line in finding_lines(r)]
 
@@ -107,8 +107,8 @@ class Recordings(Sequence[TableRecording]):
 
         Recordings without a valve command are not checked, nor those that no fit would take.
         """
-        from shake_ros.core.identification.data_checks import data_checks
-        from shake_ros.data.fit_records import fit_records
+        from shake_ros.fit.start.data_checks import data_checks
+        from shake_ros.recordings.fit_records import fit_records
 
         found = []
         for recording in self:
@@ -124,7 +124,7 @@ class Recordings(Sequence[TableRecording]):
 
     def records(self, driven_by: str = "valve_command") -> list[Record]:
         """The gapless parts as a fit takes them; driven_by : `valve_command` or `force`."""
-        from shake_ros.data.fit_records import fit_records
+        from shake_ros.recordings.fit_records import fit_records
 
         return [record for r in self for record in fit_records(r, driven_by)]
 

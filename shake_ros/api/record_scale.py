@@ -13,19 +13,19 @@ import yaml
 from numpy.typing import NDArray
 
 from shake_ros.api.response_spectrum import ResponseSpectrum, response_spectrum, spectrum_chart
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.quantities import Parameters, ShakeError, quantity
-from shake_ros.core.reference.baseline import integrate
-from shake_ros.core.reference.motion import EarthquakeRecord, envelope
-from shake_ros.core.reference.program import Shaping
-from shake_ros.core.reference.recorded import EarthquakeParameters, Fitted
-from shake_ros.data.accelerograms import read_accelerogram
-from shake_ros.data.accelerograms.accelerogram import Accelerogram
-from shake_ros.data.reference_file import load_reference
-from shake_ros.data.result_folder import writing
+from shake_ros.control.reference.baseline import integrate
+from shake_ros.control.reference.motion import EarthquakeRecord, envelope
+from shake_ros.control.reference.program import Shaping
+from shake_ros.control.reference.recorded import EarthquakeParameters, Fitted
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.quantities import Parameters, ShakeError, quantity
+from shake_ros.recordings.accelerograms import read_accelerogram
+from shake_ros.recordings.accelerograms.accelerogram import Accelerogram
+from shake_ros.recordings.reference_file import load_reference
 from shake_ros.report.chart import CURVES, Chart, ChartSeries, Panel, static_figure
 from shake_ros.report.page import Page
 from shake_ros.report.result_table import ResultTable
+from shake_ros.result_folder import writing
 from shake_ros.settings import find, load_table, read_yaml
 
 if TYPE_CHECKING:

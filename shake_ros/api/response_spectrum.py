@@ -12,15 +12,15 @@ import numpy as np
 import numpy.typing as npt
 
 from shake_ros.api.read import Source, naming, one_recording
-from shake_ros.core.analysis import response_spectrum as analysis
-from shake_ros.core.loop import metrics
-from shake_ros.core.quantities import ShakeError
-from shake_ros.data.accelerograms import read_accelerogram
-from shake_ros.data.accelerograms.accelerogram import Accelerogram
-from shake_ros.data.recordings.bag import SUFFIXES
-from shake_ros.data.result_folder import refuse_existing, writing
+from shake_ros.control import metrics
+from shake_ros.quantities import ShakeError
+from shake_ros.recordings.accelerograms import read_accelerogram
+from shake_ros.recordings.accelerograms.accelerogram import Accelerogram
+from shake_ros.recordings.bags.bag import SUFFIXES
 from shake_ros.report.chart import COLOURS, CURVES, Chart, ChartSeries, Panel, new_figure, static_figure, tidy
 from shake_ros.report.result_table import ResultTable
+from shake_ros.result_folder import refuse_existing, writing
+from shake_ros.signals import response_spectrum as analysis
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

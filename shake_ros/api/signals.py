@@ -12,19 +12,19 @@ import numpy as np
 import numpy.typing as npt
 
 from shake_ros.api.read import Source, naming, one_recording
-from shake_ros.core.analysis.frequency_response import COHERENT, FrequencyResponse
-from shake_ros.core.analysis.frequency_response import frequency_response as estimate
-from shake_ros.core.analysis.multisine_split import MultisineSplit, repeated_period
-from shake_ros.core.analysis.multisine_split import multisine_split as split_response
-from shake_ros.core.analysis.stretches import steady_part
-from shake_ros.core.analysis.thd import Harmonics, fundamental_frequency, nearby_fundamental
-from shake_ros.core.analysis.thd import harmonics as harmonics_of
-from shake_ros.core.quantities import ShakeError, unknown_name
-from shake_ros.data.recordings import TableRecording
+from shake_ros.quantities import ShakeError, unknown_name
+from shake_ros.recordings.bags import TableRecording
 from shake_ros.report.chart import COLOURS, GREY, Chart, ChartSeries, Panel, new_figure, static_figure, tidy
 from shake_ros.report.page import Page
 from shake_ros.report.result import Result
 from shake_ros.report.result_table import ResultTable
+from shake_ros.signals.frequency_response import COHERENT, FrequencyResponse
+from shake_ros.signals.frequency_response import frequency_response as estimate
+from shake_ros.signals.multisine_split import MultisineSplit, repeated_period
+from shake_ros.signals.multisine_split import multisine_split as split_response
+from shake_ros.signals.stretches import steady_part
+from shake_ros.signals.thd import Harmonics, fundamental_frequency, nearby_fundamental
+from shake_ros.signals.thd import harmonics as harmonics_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -14,23 +14,23 @@ from shake_ros.api.model import Model
 from shake_ros.api.read import Recordings
 from shake_ros.api.response_spectrum import ResponseSpectrum, response_spectrum
 from shake_ros.api.signals import Distortion, thd
-from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.control.closed_loop import normalised_error
-from shake_ros.core.control.law import LawParameters
-from shake_ros.core.control.runner import Controller, refuse_another_instant
-from shake_ros.core.loop.compiled import Loop
-from shake_ros.core.loop.compiled import simulate as run_loop
-from shake_ros.core.observer import OBSERVERS
-from shake_ros.core.observer.law import ObserverParameters
-from shake_ros.core.observer.runner import Observer
-from shake_ros.core.plant import axis, reduced_simulation, simulation
-from shake_ros.core.plant.axis import AXIS_LAYOUT
-from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
-from shake_ros.core.plant.reduced import REDUCED_LAYOUT
-from shake_ros.core.quantities import Parameters, ShakeError
-from shake_ros.data.recordings import TableRecording, write_table_recording
-from shake_ros.data.recordings.table import ARRAYS, Provenance
-from shake_ros.data.reference_file import build_program
+from shake_ros.control.closed_loop import normalised_error
+from shake_ros.control.laws import CONTROLLERS
+from shake_ros.control.laws.law import LawParameters
+from shake_ros.control.laws.runner import Controller, refuse_another_instant
+from shake_ros.control.observer import OBSERVERS
+from shake_ros.control.observer.law import ObserverParameters
+from shake_ros.control.observer.runner import Observer
+from shake_ros.control.simulation import Loop
+from shake_ros.control.simulation import simulate as run_loop
+from shake_ros.physics.plant import axis, reduced_simulation, simulation
+from shake_ros.physics.plant.axis import AXIS_LAYOUT
+from shake_ros.physics.plant.parameters import FULL_LAYOUT, TableParameters
+from shake_ros.physics.plant.reduced import REDUCED_LAYOUT
+from shake_ros.quantities import Parameters, ShakeError
+from shake_ros.recordings.bags import TableRecording, write_table_recording
+from shake_ros.recordings.bags.table import ARRAYS, Provenance
+from shake_ros.recordings.reference_file import build_program
 from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.settings import find, load_table, load_variant, read_yaml, table_of
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import yaml
 
-from shake_ros.core.quantities import ShakeError
-from shake_ros.data.result_folder import refuse_existing, writing
+from shake_ros.quantities import ShakeError
+from shake_ros.result_folder import refuse_existing, writing
 from shake_ros.settings import find, read_yaml
 
 SHARE = {  # standard deviation of a number from a nameplate, in parts of it

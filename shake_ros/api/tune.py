@@ -11,14 +11,15 @@ from typing import Any
 from shake_ros.api.loops import MODELS, Combination, Course, Setup, load_setup, strict
 from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.api.tune_table import text_of, tune_table
-from shake_ros.core.control import CONTROLLERS, closed_loop
-from shake_ros.core.control.closed_loop import ClosedLoop
-from shake_ros.core.control.law import LawParameters
-from shake_ros.core.control.runner import Controller
-from shake_ros.core.loop.compiled import Loop, run_batch
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.quantities import ShakeError, unknown_name
-from shake_ros.data.result_folder import refuse_existing, writing
+from shake_ros.control import closed_loop
+from shake_ros.control.closed_loop import ClosedLoop
+from shake_ros.control.laws import CONTROLLERS
+from shake_ros.control.laws.law import LawParameters
+from shake_ros.control.laws.runner import Controller
+from shake_ros.control.simulation import Loop, run_batch
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.quantities import ShakeError, unknown_name
+from shake_ros.result_folder import refuse_existing, writing
 from shake_ros.settings import find, load_variant, read_yaml
 
 KEYS = (
@@ -95,7 +96,7 @@ def tune(
     >>> sr.tune("pid", evaluations=0)
     Traceback (most recent call last):
         ...
-    shake_ros.core.quantities.ShakeError: evaluations = 0: must be at least 1
+    shake_ros.quantities.ShakeError: evaluations = 0: must be at least 1
     """
     if isinstance(controller, TableParameters):
         return tune_table(controller, settings, progress=progress, **changes)

@@ -17,22 +17,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.api.progress import Progress, ProgressOption
-from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.control.runner import Controller
-from shake_ros.core.loop.linear_loop import LAWS, Margins
-from shake_ros.core.loop.robust import Load, RobustSettings, Search, Uncertainty, neighbours, uncertainty_of
-from shake_ros.core.loop.trials import TrackingBenefit, Trials, TriedLaw, benefit, horizon, try_laws
-from shake_ros.core.observer import OBSERVERS
-from shake_ros.core.observer.model import ModelObserver
-from shake_ros.core.observer.runner import Observer
-from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
-from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, strict_keys, unknown_name
-from shake_ros.data.reference_file import build_program
-from shake_ros.data.result_folder import refuse_existing, write_json, writing
+from shake_ros.control.laws import CONTROLLERS
+from shake_ros.control.laws.runner import Controller
+from shake_ros.control.linear_loop import LAWS, Margins
+from shake_ros.control.observer import OBSERVERS
+from shake_ros.control.observer.model import ModelObserver
+from shake_ros.control.observer.runner import Observer
+from shake_ros.control.robust import Load, RobustSettings, Search, Uncertainty, neighbours, uncertainty_of
+from shake_ros.control.trials import TrackingBenefit, Trials, TriedLaw, benefit, horizon, try_laws
+from shake_ros.physics.plant.parameters import FULL_LAYOUT, TableParameters
+from shake_ros.quantities import Parameters, ShakeError, choice, quantity, strict_keys, unknown_name
+from shake_ros.recordings.reference_file import build_program
+from shake_ros.repair.close_loop import LoopClosure
 from shake_ros.report.page import Page
 from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.report.text import sentence
-from shake_ros.search.close_loop import LoopClosure
+from shake_ros.result_folder import refuse_existing, write_json, writing
 from shake_ros.settings import find, load_table, load_variant, read_yaml, save_table
 
 
@@ -223,7 +223,7 @@ def tune_table(
     >>> sr.tune(sr.model().table, laws=["pid"])  # doctest: +ELLIPSIS
     Traceback (most recent call last):
         ...
-    shake_ros.core.quantities.UnknownName: unknown law 'pid'; known: ...
+    shake_ros.quantities.UnknownName: unknown law 'pid'; known: ...
     """
     for law in laws:
         if law not in LAWS:

@@ -16,7 +16,7 @@ from collections.abc import Callable
 
 from shake_ros.bridge import wire
 from shake_ros.bridge.wire import Session, numeric, session_key
-from shake_ros.core.quantities import ShakeError
+from shake_ros.quantities import ShakeError
 from shake_ros.realtime import SECOND
 
 HELLO_PERIOD = 0.1  # [s] between two hellos

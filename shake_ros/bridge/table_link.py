@@ -23,9 +23,9 @@ import numpy as np
 from shake_ros.bridge import wire
 from shake_ros.bridge.ends import Host
 from shake_ros.bridge.wire import key_for
-from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, strict_keys
-from shake_ros.core.safety.causes import NUMBERS
+from shake_ros.quantities import Parameters, ShakeError, choice, quantity, strict_keys
 from shake_ros.realtime import SECOND, LastSecond
+from shake_ros.safety.causes import NUMBERS
 
 UNITS = {
     "position": "m",

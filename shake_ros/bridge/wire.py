@@ -22,7 +22,7 @@ import struct
 from pathlib import Path
 from typing import NamedTuple
 
-from shake_ros.core.quantities import ShakeError
+from shake_ros.quantities import ShakeError
 
 MAGIC = b"SHK1"
 VERSION = 1

@@ -27,9 +27,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from shake_ros.campaigns.engine import Engine
-from shake_ros.core.plant.simulation import use_threads
-from shake_ros.core.quantities import ShakeError, shown
-from shake_ros.data.result_folder import as_json
+from shake_ros.physics.plant.simulation import use_threads
+from shake_ros.quantities import ShakeError, shown
+from shake_ros.result_folder import as_json
 from shake_ros.settings import config_folder
 
 PACKAGE = Path(__file__).resolve().parent.parent
@@ -66,7 +66,7 @@ def code_version(function: str) -> str:
 def sources(module: str) -> dict[str, Path]:
     """A module and all that it imports, at any depth, from its own package and from this one: name → file.
 
-    >>> {"shake_ros.core.quantities", "shake_ros.settings"} <= set(sources("shake_ros.campaigns.batches"))
+    >>> {"shake_ros.quantities", "shake_ros.settings"} <= set(sources("shake_ros.campaigns.batches"))
     True
     """
     places = {"shake_ros": PACKAGE.parent}

@@ -25,10 +25,10 @@ from shake_ros.campaigns.batches import Task, TaskOutcome, code_version, run
 from shake_ros.campaigns.engine import engine
 from shake_ros.campaigns.report import campaign_page, section_table
 from shake_ros.campaigns.study import Study, canonical, load_study
-from shake_ros.core.quantities import ShakeError
-from shake_ros.data.result_folder import writing
+from shake_ros.quantities import ShakeError
 from shake_ros.report.page import write_page
 from shake_ros.report.result_table import ResultTable
+from shake_ros.result_folder import writing
 
 FILE = "rows.sqlite"
 LAYOUT = 1
@@ -299,7 +299,7 @@ def campaign(
     >>> sr.campaign("no_such_study", "out/none")
     Traceback (most recent call last):
         ...
-    shake_ros.core.quantities.UnknownName: ...
+    shake_ros.quantities.UnknownName: ...
     """
     asked = load_study(str(study), changes)
     version = code_version(asked.measure)

@@ -25,8 +25,8 @@ from queue import SimpleQueue
 from typing import ParamSpec, TypeVar
 from urllib.parse import urlsplit
 
-from shake_ros.core.plant.simulation import workers as cores
-from shake_ros.core.quantities import ShakeError, shown
+from shake_ros.physics.plant.simulation import workers as cores
+from shake_ros.quantities import ShakeError, shown
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -182,7 +182,7 @@ def check_address(address: str) -> None:
     >>> check_address("tcp://10.0.0.5:8786")
     Traceback (most recent call last):
         ...
-    shake_ros.core.quantities.ShakeError: tcp://10.0.0.5:8786: not encrypted and not on this machine; use tls://
+    shake_ros.quantities.ShakeError: tcp://10.0.0.5:8786: not encrypted and not on this machine; use tls://
     """
     try:
         parts = urlsplit(address)

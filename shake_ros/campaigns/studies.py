@@ -12,10 +12,10 @@ from typing import Any
 
 from shake_ros.api.loops import Combination, Course, Setup, combinations, load_setup
 from shake_ros.api.tune import tune
-from shake_ros.core.loop.compiled import run_batch
-from shake_ros.core.loop.metrics import judge
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.quantities import unknown_name
+from shake_ros.control.metrics import judge
+from shake_ros.control.simulation import run_batch
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.quantities import unknown_name
 
 DECLARED = -1  # number of the table that is as declared
 

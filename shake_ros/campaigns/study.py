@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from shake_ros.campaigns.batches import function_of
-from shake_ros.core.quantities import ShakeError, shown, strict_keys, unknown_name
+from shake_ros.quantities import ShakeError, shown, strict_keys, unknown_name
 from shake_ros.settings import find, read_yaml
 
 KEYS = ("title", "measure", "rows", "same", "files", "order", "report")

@@ -15,9 +15,9 @@ from shake_ros.api.tune import check_target, tune
 from shake_ros.api.tune_table import FILES, tune_table
 from shake_ros.campaigns.campaign import campaign
 from shake_ros.cli.arguments import CommandLine, reported, reporting
-from shake_ros.core.loop.linear_loop import LAWS
-from shake_ros.core.quantities import ShakeError
-from shake_ros.data.result_folder import refuse_existing
+from shake_ros.control.linear_loop import LAWS
+from shake_ros.quantities import ShakeError
+from shake_ros.result_folder import refuse_existing
 from shake_ros.settings import value_of
 
 TUNE_METHOD = """\

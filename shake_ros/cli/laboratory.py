@@ -13,13 +13,13 @@ from shake_ros.api.read import read
 from shake_ros.api.record_scale import accelerogram
 from shake_ros.cli.arguments import CommandLine, changes, live, released_by, reported, taken
 from shake_ros.commissioning.commission import commission
-from shake_ros.core.quantities import ShakeError
-from shake_ros.data.result_folder import check_folder
 from shake_ros.iteration.iterate import Iterated, iterate, iterate_simulated
 from shake_ros.iteration.table import SimulatedTable
 from shake_ros.qualification.qualify import qualify
 from shake_ros.qualification.result import Qualification, certified
 from shake_ros.qualification.sequence import FILE, TestSequence, qualify_sequence, sequence_of
+from shake_ros.quantities import ShakeError
+from shake_ros.result_folder import check_folder
 
 COMMISSION_METHOD = """\
 A gentle motion under gains that do not depend on the table; the model fitted to it; observer and gains for that model;
@@ -71,7 +71,7 @@ ITERATE_METHOD = """\
 BAG… are runs of the same motion, oldest first, each recorded from the start of its reference, with imu and reference.
 DIR gets report.html, drive.csv (time and acceleration) and drive.yaml, a reference: -p reference:=DIR/drive.yaml
 plays it.
-With --simulate the runs are made on the closed loop of the core, under gains that are made for the table, and the
+With --simulate the runs are made on a simulated closed loop, under gains that are made for the table, and the
 response spectra are in the report; the specimen is weighed by the forces of the first run, and DIR gets model.yaml.
 Runs are ranked by what they missed within the band; exit code 1 where they diverge or have not converged, with the
 effect that the model lacks, as close_loop finds it in the runs.

@@ -31,13 +31,13 @@ from shake_ros.cli.arguments import (
     reporting,
     taken,
 )
-from shake_ros.core.identification.models import MODELS
-from shake_ros.core.identification.unknown_model import NAME as UNKNOWN
-from shake_ros.core.plant.parameters import FULL_LAYOUT
-from shake_ros.core.quantities import ShakeError
-from shake_ros.data.result_folder import check_folder, write_json
 from shake_ros.experiment_design.next_recording import NextRecording, decide, next_recording
+from shake_ros.fit.models import MODELS
+from shake_ros.fit.start.unknown_model import NAME as UNKNOWN
 from shake_ros.page.jobs import RECORDED
+from shake_ros.physics.plant.parameters import FULL_LAYOUT
+from shake_ros.quantities import ShakeError
+from shake_ros.result_folder import check_folder, write_json
 from shake_ros.twin.follow import follow
 
 ALSO = "--also"

@@ -9,9 +9,9 @@ from shake_ros.api.record_scale import YAML, accelerogram, band_of, record_scale
 from shake_ros.api.response_spectrum import acceleration_spectra
 from shake_ros.api.signals import frequency_response, multisine_split, thd
 from shake_ros.cli.arguments import CommandLine, reported, source
-from shake_ros.core.quantities import ShakeError
-from shake_ros.data.result_folder import refuse_existing, writing
+from shake_ros.quantities import ShakeError
 from shake_ros.report.page import write_page
+from shake_ros.result_folder import refuse_existing, writing
 
 THD_METHOD = """\
 The fundamental is fitted to the acceleration, within 1 % of that of the reference or, if there is none, of the valve

@@ -33,20 +33,20 @@ from shake_ros.commissioning.steps import (
     load_commission,
     tracked,
 )
-from shake_ros.core.identification.recording_problem import RecordingProblem
-from shake_ros.core.identification.uncertainty import known_covariance
-from shake_ros.core.loop.metrics import come_to_rest
-from shake_ros.core.loop.robust import Uncertainty
-from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
-from shake_ros.core.quantities import ShakeError
-from shake_ros.core.safety.causes import InterlockParameters
-from shake_ros.data.recordings import TableRecording
-from shake_ros.data.reference_file import build_program
+from shake_ros.control.metrics import come_to_rest
+from shake_ros.control.robust import Uncertainty
 from shake_ros.experiment_design.next_recording import next_recording
+from shake_ros.fit.recording_problem import RecordingProblem
+from shake_ros.fit.uncertainty import known_covariance
+from shake_ros.physics.plant.parameters import FULL_LAYOUT, TableParameters
+from shake_ros.quantities import ShakeError
+from shake_ros.recordings.bags import TableRecording
+from shake_ros.recordings.reference_file import build_program
 from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.page import Page
 from shake_ros.report.result import Result
 from shake_ros.report.result_table import ResultTable, percent
+from shake_ros.safety.causes import InterlockParameters
 from shake_ros.settings import load_table, save_table
 
 EVIDENCE = "for the evidence"

@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 from shake_ros.api.live_table import InterlockHeldError, LiveTable
 from shake_ros.api.simulate import Simulation, controller_of, observer_of, simulate
 from shake_ros.api.tune_table import TunedTable
-from shake_ros.core.control.closed_loop import normalised_error
-from shake_ros.core.loop.linear_loop import LAWS
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.quantities import Parameters, ShakeError, quantity, strict_keys, unknown_name
-from shake_ros.core.safety.causes import PROGRAM_HOLD, InterlockParameters
-from shake_ros.core.safety.rehearsal import WatchedRun, first_trip
-from shake_ros.data.recordings import TableRecording, read_table_recording
-from shake_ros.data.reference_file import played
+from shake_ros.control.closed_loop import normalised_error
+from shake_ros.control.linear_loop import LAWS
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.quantities import Parameters, ShakeError, quantity, strict_keys, unknown_name
+from shake_ros.recordings.bags import TableRecording, read_table_recording
+from shake_ros.recordings.reference_file import played
+from shake_ros.safety.causes import PROGRAM_HOLD, InterlockParameters
+from shake_ros.safety.rehearsal import WatchedRun, first_trip
 from shake_ros.settings import find, read_yaml
 
 KEYS = ("reference", "seconds", "levels", "search_from", "controller", "observer", "interlock", "laws", "numbers")

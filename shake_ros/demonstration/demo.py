@@ -19,24 +19,24 @@ import yaml
 from shake_ros.api.fitted import names_of, with_test
 from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.cli.arguments import CommandLine, reporting
-from shake_ros.core.control.closed_loop import normalised_error
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.quantities import ShakeError, unknown_name
-from shake_ros.data.fit_records import fit_records
-from shake_ros.data.recordings import TableRecording, read_table_recording
-from shake_ros.data.result_folder import new_folder, write_json
-from shake_ros.data.results import close_loop_json, found_effects
+from shake_ros.control.closed_loop import normalised_error
 from shake_ros.declared import model_structure
+from shake_ros.fit.records import Record
 from shake_ros.measured.models import MeasuredRuns
 from shake_ros.measured.page import harmonics_chart
 from shake_ros.measured.runs import ALL, fit_runs, read_problem
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.quantities import ShakeError, unknown_name
+from shake_ros.recordings.bags import TableRecording, read_table_recording
+from shake_ros.recordings.fit_records import fit_records
+from shake_ros.repair.close_loop import LoopClosure, close_loop
 from shake_ros.report.close_loop_page import MODELS, effect_text, mean_error, model_sections
 from shake_ros.report.page import Bar, Page, write_page
+from shake_ros.report.report_json import close_loop_json, found_effects
 from shake_ros.report.result_table import percent
 from shake_ros.report.sections import Track, parameters_side_by_side, sources_of, tracking_section
 from shake_ros.report.text import sentence
-from shake_ros.search.close_loop import LoopClosure, close_loop
+from shake_ros.result_folder import new_folder, write_json
 from shake_ros.settings import find, load_search, load_table, read_yaml, save_table
 
 if TYPE_CHECKING:
@@ -151,7 +151,7 @@ def demo(
     >>> sr.demo(seed=-1)
     Traceback (most recent call last):
         ...
-    shake_ros.core.quantities.ShakeError: --seed -1: must not be negative
+    shake_ros.quantities.ShakeError: --seed -1: must not be negative
     """
     folder = Path(out)
     check_output(folder)

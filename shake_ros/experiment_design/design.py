@@ -30,25 +30,25 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.control.closed_loop import ClosedLoop
-from shake_ros.core.control.feedforward_pi import FeedforwardPI
-from shake_ros.core.control.runner import Controller
-from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.decision import odds_of
-from shake_ros.core.discovery.problem import linearised, side_by_side
-from shake_ros.core.identification.experiments import PAYLOAD
-from shake_ros.core.identification.fit import LOST, Adjustment, Fit, jacobian
-from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.identifiability import widening
-from shake_ros.core.identification.recording_problem import RecordingProblem
-from shake_ros.core.identification.recordings import DeclaredModel, Record
-from shake_ros.core.loop.compiled import Loop, simulate
-from shake_ros.core.reference.motion import Envelope, envelope
-from shake_ros.core.safety.causes import InterlockParameters
-from shake_ros.core.safety.rehearsal import WatchedRun, first_trip
+from shake_ros.control.closed_loop import ClosedLoop
+from shake_ros.control.laws.feedforward_pi import FeedforwardPI
+from shake_ros.control.laws.runner import Controller
+from shake_ros.control.reference.motion import Envelope, envelope
+from shake_ros.control.simulation import Loop, simulate
 from shake_ros.experiment_design.further_sensors import FurtherSensor, WithSensors
 from shake_ros.experiment_design.motions import Excitation
-from shake_ros.search.rival_models import RivalModel
+from shake_ros.explain.experiments import PAYLOAD
+from shake_ros.explain.identifiability import widening
+from shake_ros.fit.free_parameters import FreeParameters
+from shake_ros.fit.least_squares import LOST, Adjustment, Fit, jacobian
+from shake_ros.fit.recording_problem import RecordingProblem
+from shake_ros.fit.records import DeclaredModel, Record
+from shake_ros.repair.rival_models import RivalModel
+from shake_ros.safety.causes import InterlockParameters
+from shake_ros.safety.rehearsal import WatchedRun, first_trip
+from shake_ros.search.candidate_effects import CandidateEffect
+from shake_ros.search.decision import odds_of
+from shake_ros.search.problem import linearised, side_by_side
 
 Array = NDArray[np.float64]
 HARDLY = math.log(10.0)  # gain in log likelihood below which two models are not distinguished [nats]

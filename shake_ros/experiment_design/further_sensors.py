@@ -19,13 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import cont2discrete, lfilter
 
-from shake_ros.core.identification.recording_problem import RecordingProblem
-from shake_ros.core.identification.recordings import CORRECTION_RATE, FULL, MODEL_FLOOR, Record
-from shake_ros.core.identification.velocity_filter import filtered_velocity, independent_part, velocity_noise_gain
-from shake_ros.core.plant.parameters import FULL_LAYOUT
-from shake_ros.core.plant.simulation import COLUMNS, SMOOTH, run_batch
-from shake_ros.core.quantities import ShakeError, strict_keys, unknown_name
+from shake_ros.fit.recording_problem import RecordingProblem
+from shake_ros.fit.records import CORRECTION_RATE, FULL, MODEL_FLOOR, Record
+from shake_ros.physics.plant.parameters import FULL_LAYOUT
+from shake_ros.physics.plant.simulation import COLUMNS, SMOOTH, run_batch
+from shake_ros.quantities import ShakeError, strict_keys, unknown_name
 from shake_ros.settings import find, read_yaml
+from shake_ros.signals.velocity_filter import filtered_velocity, independent_part, velocity_noise_gain
 
 Array = NDArray[np.float64]
 OWN_ERRORS = tuple(

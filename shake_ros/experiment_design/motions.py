@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.signal import sawtooth
 
-from shake_ros.core.quantities import ShakeError, strict_keys, unknown_name
-from shake_ros.core.reference.motion import Envelope, peaks, smooth_step
+from shake_ros.control.reference.motion import Envelope, peaks, smooth_step
+from shake_ros.quantities import ShakeError, strict_keys, unknown_name
 from shake_ros.settings import find, read_yaml
 
 Array = NDArray[np.float64]

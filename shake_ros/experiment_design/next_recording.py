@@ -14,22 +14,22 @@ from numpy.typing import NDArray
 from shake_ros.api.close_loop import Discovery
 from shake_ros.api.fitted import Data
 from shake_ros.api.progress import Progress, ProgressOption
-from shake_ros.core.discovery.verdict import ESTABLISHED
-from shake_ros.core.identification.uncertainty import of_table
-from shake_ros.core.plant.parameters import FULL_LAYOUT
-from shake_ros.core.quantities import ShakeError, strict_keys
-from shake_ros.core.reference.motion import Envelope, envelope
-from shake_ros.core.safety.causes import InterlockParameters
-from shake_ros.core.safety.rehearsal import tightened
-from shake_ros.data.reference_file import write_drive
-from shake_ros.data.result_folder import new_folder, write_json
+from shake_ros.control.reference.motion import Envelope, envelope
 from shake_ros.declared import effect_candidates
 from shake_ros.experiment_design.design import ENOUGH, Designer, PredictedExcitation, Separation
 from shake_ros.experiment_design.further_sensors import FurtherSensor, further_sensors, lacking
 from shake_ros.experiment_design.motions import library
+from shake_ros.fit.uncertainty import of_table
+from shake_ros.physics.plant.parameters import FULL_LAYOUT
+from shake_ros.quantities import ShakeError, strict_keys
+from shake_ros.recordings.reference_file import write_drive
 from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.page import Page, write_page
 from shake_ros.report.text import odds_text, sentence
+from shake_ros.result_folder import new_folder, write_json
+from shake_ros.safety.causes import InterlockParameters
+from shake_ros.safety.rehearsal import tightened
+from shake_ros.search.verdict import ESTABLISHED
 from shake_ros.settings import load_interlock
 
 Array = NDArray[np.float64]

@@ -1,1 +1,1 @@
-"""What a model leaves: how much of it is predictable, on what it depends, the force that is missing."""
+"""What a model leaves: how much of it is predictable, on what it depends, the missing force, what to record next."""

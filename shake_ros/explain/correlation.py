@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import toeplitz
 from scipy.stats import chi2, norm
 
-from shake_ros.core.quantities import ShakeError
+from shake_ros.quantities import ShakeError
 
 Floats = NDArray[np.float64]
 LAGS = 25

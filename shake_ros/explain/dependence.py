@@ -14,12 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import welch
 
-from shake_ros.core.discovery.problem import SearchProblem
-from shake_ros.core.discovery.selection import Selection
-from shake_ros.core.discovery.unlisted_functions import UNLISTED
-from shake_ros.core.identification.recording_problem import RecordingProblem
-from shake_ros.core.identification.velocity_filter import filtered_velocity
-from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.fit.recording_problem import RecordingProblem
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.search.problem import SearchProblem
+from shake_ros.search.selection import Selection
+from shake_ros.search.unlisted_functions import UNLISTED
+from shake_ros.signals.velocity_filter import filtered_velocity
 
 PLACES = {
     "position": "force",

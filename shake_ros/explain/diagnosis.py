@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shake_ros.core.identification.experiments import Candidate, RecordingBenefit, advice, benefits
-from shake_ros.core.identification.fit import Fit, jacobian
-from shake_ros.core.identification.identifiability import Identifiability, identifiability
-from shake_ros.core.identification.recording_problem import RecordingProblem
-from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
-from shake_ros.core.identification.uncertainty import of_table
 from shake_ros.explain.account import Account, accounts, residuals_left
-from shake_ros.explain.backlash import BACKLASH, SHARE, share_of_dwells
+from shake_ros.explain.experiments import Candidate, RecordingBenefit, advice, benefits
+from shake_ros.explain.identifiability import Identifiability, identifiability
 from shake_ros.explain.prediction import Innovations, innovations
+from shake_ros.fit.least_squares import Fit, jacobian
+from shake_ros.fit.recording_problem import RecordingProblem
+from shake_ros.fit.records import FULL, DeclaredModel, Record
+from shake_ros.fit.start.backlash import BACKLASH, SHARE, share_of_dwells
+from shake_ros.fit.uncertainty import of_table
 
 
 @dataclass(frozen=True)

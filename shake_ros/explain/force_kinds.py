@@ -21,10 +21,10 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.compiled import njit
-from shake_ros.core.discovery.search_settings import SearchSettings
-from shake_ros.core.valve.simplified import backlash
+from shake_ros.compiled import njit
 from shake_ros.explain.dependence import band_share, explained_share
+from shake_ros.physics.valve.simplified import backlash
+from shake_ros.search.search_settings import SearchSettings
 
 Array = NDArray[np.float64]
 SAMPLES = 4  # independent ones that each group needs

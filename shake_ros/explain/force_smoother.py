@@ -23,9 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from shake_ros.core.compiled import njit
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.plant.reduced import closed_form
+from shake_ros.compiled import njit
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.physics.plant.reduced import closed_form
 
 Array = NDArray[np.float64]
 STATES = 3  # v, w, g

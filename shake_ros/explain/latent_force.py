@@ -22,13 +22,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.discovery.problem import SearchProblem, side_by_side
-from shake_ros.core.discovery.search_settings import SearchSettings
-from shake_ros.core.identification.recordings import DeclaredModel, Record, longest
-from shake_ros.core.identification.velocity_filter import CUTOFF, filtered_velocity, samples_apart
-from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.explain.force_kinds import ForceKinds, band_factor, beside_band, judged_kinds
 from shake_ros.explain.force_smoother import ForceSmoother, Residuals, Smoothed, force_dynamics, moving_mass
+from shake_ros.fit.records import DeclaredModel, Record, longest
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.search.problem import SearchProblem, side_by_side
+from shake_ros.search.search_settings import SearchSettings
+from shake_ros.signals.velocity_filter import CUTOFF, filtered_velocity, samples_apart
 
 Array = NDArray[np.float64]
 EXPLAINED = 0.5  # part of what a run leaves, from which on the force is the smaller part of what is missing

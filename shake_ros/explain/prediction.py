@@ -18,10 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.identification.equal_commands import sensor_noise
-from shake_ros.core.identification.recording_problem import BLOCK, RecordingProblem
-from shake_ros.core.identification.recordings import Record, windows
-from shake_ros.core.identification.velocity_filter import derivative
+from shake_ros.fit.nuisances.equal_commands import sensor_noise
+from shake_ros.fit.recording_problem import BLOCK, RecordingProblem
+from shake_ros.fit.records import Record, windows
+from shake_ros.signals.velocity_filter import derivative
 
 Floats = NDArray[np.float64]
 RATES = (0.0, 5.0, 10.0, 20.0, 40.0, 80.0)  # of correction [1/s]; 0: a free run

@@ -1,1 +1,1 @@
-"""A model of recordings: parameters, nuisances, prediction, likelihood."""
+"""A model of recordings: parameters, nuisances, simulation and prediction, likelihood, intervals."""

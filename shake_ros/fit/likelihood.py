@@ -14,9 +14,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from shake_ros.core.identification.fit import difference_of
-from shake_ros.core.identification.recording_problem import RecordingProblem
-from shake_ros.core.identification.recordings import DeclaredModel, Record, windows
+from shake_ros.fit.least_squares import difference_of
+from shake_ros.fit.recording_problem import RecordingProblem
+from shake_ros.fit.records import DeclaredModel, Record, windows
 
 LOST = 1e3  # weighted residual of a run that ends in no number
 

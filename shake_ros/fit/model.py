@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from shake_ros.core.identification.free_parameters import FreeParameter
-from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
+from shake_ros.fit.free_parameters import FreeParameter
+from shake_ros.physics.plant.parameters import FULL_LAYOUT, TableParameters
 
 TABLE = len(FULL_LAYOUT.names)
 SENSOR_DELAY = FreeParameter("sensor.delay", 5e-4, -0.005, 0.05, "s")  # of the accelerometer behind the position

@@ -14,11 +14,13 @@ from dataclasses import astuple, dataclass, field, replace
 
 import numpy as np
 
-from shake_ros.core.effects.structure import NO_GAP
-from shake_ros.core.identification.velocity_filter import low_pass
-from shake_ros.core.plant.integration import MOST
-from shake_ros.core.plant.parameters import FULL_LAYOUT
-from shake_ros.core.plant.prediction import (
+from shake_ros.fit.likelihood import LOST, Levels, Likelihood
+from shake_ros.fit.model import TABLE
+from shake_ros.fit.segment import Segment
+from shake_ros.physics.effects.structure import NO_GAP
+from shake_ros.physics.plant.integration import MOST
+from shake_ros.physics.plant.parameters import FULL_LAYOUT
+from shake_ros.physics.plant.prediction import (
     BIAS,
     FILTER_RATE,
     FILTERED,
@@ -29,9 +31,9 @@ from shake_ros.core.plant.prediction import (
     predict,
     relevelled,
 )
-from shake_ros.core.plant.sensors import filter_step
-from shake_ros.core.plant.simulation import NO_PACE, build_film, moving_state, workers
-from shake_ros.core.plant.states import (
+from shake_ros.physics.plant.sensors import filter_step
+from shake_ros.physics.plant.simulation import NO_PACE, build_film, moving_state, workers
+from shake_ros.physics.plant.states import (
     BASE,
     BASE_RATE,
     CLOCK,
@@ -45,9 +47,7 @@ from shake_ros.core.plant.states import (
     SPECIMEN_RATE,
     VELOCITY,
 )
-from shake_ros.fit.likelihood import LOST, Levels, Likelihood
-from shake_ros.fit.model import TABLE
-from shake_ros.fit.segment import Segment
+from shake_ros.signals.velocity_filter import low_pass
 
 INDEX = FULL_LAYOUT.index
 SIGNALS = ("position", "acceleration", "pressure")  # in the order in which a segment has them
@@ -62,7 +62,7 @@ SLOW = 40.0  # below which free runs are compared [Hz]
 
 @dataclass
 class FilteredSegment:
-    """One segment under the gains of a model. codes, gains, whitening : see core/plant/prediction.py."""
+    """One segment under the gains of a model. codes, gains, whitening : see physics/plant/prediction.py."""
 
     segment: Segment
     codes: np.ndarray

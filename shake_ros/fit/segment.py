@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import savgol_filter
 
-from shake_ros.core.identification.recordings import Record
+from shake_ros.fit.records import Record
 
 Array = np.ndarray
 FINDING, SETTLE = 0.3, 0.5  # start of a segment in which its state is found, and which counts in no likelihood [s]

@@ -34,15 +34,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.identification.fit import fit
-from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
-from shake_ros.core.identification.recording_problem import RecordingProblem
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.quantities import Parameters, ShakeError, quantity
-from shake_ros.core.reference.baseline import end_at_rest, states_from_rest
-from shake_ros.core.reference.motion import smooth_step
+from shake_ros.control.reference.baseline import end_at_rest, states_from_rest
+from shake_ros.control.reference.motion import smooth_step
+from shake_ros.fit.free_parameters import FreeParameter, FreeParameters
+from shake_ros.fit.least_squares import fit
+from shake_ros.fit.recording_problem import RecordingProblem
+from shake_ros.fit.records import Record
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.quantities import Parameters, ShakeError, quantity
+from shake_ros.search.candidate_effects import CandidateEffect
 
 Array = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

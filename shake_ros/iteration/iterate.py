@@ -12,15 +12,9 @@ from numpy.typing import NDArray
 
 from shake_ros.api.fitted import Data, recordings
 from shake_ros.api.progress import Progress, ProgressOption
-from shake_ros.core.discovery.search_settings import SearchSettings
-from shake_ros.core.discovery.unlisted_functions import UNLISTED
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.loop.metrics import FREQUENCIES, HIGHEST, LOWEST
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.quantities import ShakeError, unknown_name
-from shake_ros.data.recordings import TableRecording
-from shake_ros.data.reference_file import build_program, write_drive
+from shake_ros.control.metrics import FREQUENCIES, HIGHEST, LOWEST
 from shake_ros.declared import effect_candidates, free_parameters, model_structure, search_settings
+from shake_ros.fit.records import Record
 from shake_ros.iteration.drive import (
     Iteration,
     Run,
@@ -32,11 +26,17 @@ from shake_ros.iteration.drive import (
 )
 from shake_ros.iteration.drive import iterate as corrected
 from shake_ros.iteration.table import SimulatedRuns, SimulatedTable
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.quantities import ShakeError, unknown_name
+from shake_ros.recordings.bags import TableRecording
+from shake_ros.recordings.reference_file import build_program, write_drive
+from shake_ros.repair.close_loop import close_loop
 from shake_ros.report.chart import Chart, ChartSeries, Panel, static_figure
 from shake_ros.report.page import Page
 from shake_ros.report.result import Result
 from shake_ros.report.result_table import ResultTable, percent
-from shake_ros.search.close_loop import close_loop
+from shake_ros.search.search_settings import SearchSettings
+from shake_ros.search.unlisted_functions import UNLISTED
 from shake_ros.settings import find, load_table, read_yaml, save_table
 
 Array = NDArray[np.float64]
@@ -226,7 +226,7 @@ def iterate(
 
     >>> import numpy as np
     >>> import shake_ros as sr
-    >>> from shake_ros.data.reference_file import build_program
+    >>> from shake_ros.recordings.reference_file import build_program
     >>> wanted = np.array(build_program("earthquake_rock", 0.002).states)
     >>> time, rest = np.arange(len(wanted)) * 0.002, np.zeros(len(wanted))
     >>> run = sr.recording("run", time, rest, 0.9 * wanted[:, 0], acceleration=0.9 * wanted[:, 2], reference=wanted)

@@ -22,17 +22,17 @@ from numpy.typing import NDArray
 from shake_ros.api.live_table import OWN, OwnLoop, own_loop
 from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.api.simulate import controller_of, observer_of
-from shake_ros.core.control.closed_loop import ClosedLoop
-from shake_ros.core.control.runner import Controller
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.velocity_filter import derivative, low_pass
-from shake_ros.core.loop.compiled import Loop, simulate
-from shake_ros.core.loop.metrics import spectrum_of
-from shake_ros.core.observer.runner import Observer
-from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
-from shake_ros.core.quantities import ShakeError
+from shake_ros.control.closed_loop import ClosedLoop
+from shake_ros.control.laws.runner import Controller
+from shake_ros.control.metrics import spectrum_of
+from shake_ros.control.observer.runner import Observer
+from shake_ros.control.simulation import Loop, simulate
+from shake_ros.fit.records import Record
 from shake_ros.iteration.drive import Iteration, error_in_band
+from shake_ros.physics.plant.parameters import FULL_LAYOUT, TableParameters
+from shake_ros.quantities import ShakeError
 from shake_ros.settings import load_table
+from shake_ros.signals.velocity_filter import derivative, low_pass
 
 Array = NDArray[np.float64]
 SLIDING = 0.2  # of the velocity's rms, above which the table surely slides

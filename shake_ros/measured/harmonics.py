@@ -15,9 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shake_ros.core.analysis.thd import total_harmonic_distortion
-from shake_ros.core.plant.simulation import initial_state, run_batch
-from shake_ros.core.quantities import Parameters, ShakeError, quantity
+from shake_ros.physics.plant.simulation import initial_state, run_batch
+from shake_ros.quantities import Parameters, ShakeError, quantity
+from shake_ros.signals.thd import total_harmonic_distortion
 
 LEAST_WINDOW, LONGEST_WINDOW = 0.5, 20.0  # of a segment of whole periods [s]
 SETTLING = 0.5  # at least, before it [s]

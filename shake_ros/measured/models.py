@@ -16,10 +16,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from shake_ros.core.identification.fit import Fit, costs, fit
-from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
-from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.fit.free_parameters import FreeParameter, FreeParameters
+from shake_ros.fit.least_squares import Fit, costs, fit
 from shake_ros.measured.harmonics import HarmonicAccount, HarmonicAmplitudes, HarmonicProblem, account
+from shake_ros.physics.plant.parameters import TableParameters
 
 SHORT, LONG = 12, 30  # most trial points of a first fit and of a final one
 STARTS = 16  # random starts looked at around each centre

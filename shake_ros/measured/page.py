@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from shake_ros.core.identification.uncertainty import Estimate, at_bound
+from shake_ros.fit.uncertainty import Estimate, at_bound
 from shake_ros.measured.harmonics import HarmonicProblem, HarmonicRun
 from shake_ros.measured.models import HarmonicComparison, MeasuredModel
 from shake_ros.report.chart import Array, Chart, ChartSeries, Panel

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 from shake_ros.api.loops import strict
 from shake_ros.api.progress import Progress, ProgressOption
-from shake_ros.core.identification.free_parameters import free_parameter
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.declared import DEFAULT_TABLE, free_parameters
+from shake_ros.fit.free_parameters import free_parameter
 from shake_ros.measured.harmonics import HarmonicProblem, HarmonicRun, PrintedParameters
 from shake_ros.measured.models import HarmonicComparison, MeasuredModel, MeasuredRuns, Variant, compare, study
 from shake_ros.measured.page import harmonics_chart, measured_page, shown
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.quantities import ShakeError, unknown_name
 from shake_ros.report.chart import static_figure
 from shake_ros.report.page import Page
 from shake_ros.report.result import Result
@@ -186,7 +186,7 @@ def measured_runs(
     >>> sr.measured_runs(extend=["soft_zon"])
     Traceback (most recent call last):
         ...
-    shake_ros.core.quantities.UnknownName: ...
+    shake_ros.quantities.UnknownName: ...
     """
     problem, table = read_problem(find("measured", str(runs)))
     printed, extensions = printed_tables(table), read_extensions()

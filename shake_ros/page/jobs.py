@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from shake_ros.core.quantities import ShakeError
+from shake_ros.quantities import ShakeError
 
 NICENESS = 15  # the graph goes first
 RELEASE = "release"  # begins a line in which a command asks whether the table may move

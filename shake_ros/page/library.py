@@ -20,11 +20,11 @@ import numpy as np
 import numpy.typing as npt
 import yaml
 
-from shake_ros.core.quantities import ShakeError
-from shake_ros.data.accelerograms import read_accelerogram
-from shake_ros.data.recordings import read_table_recording
-from shake_ros.data.reference_file import build_program
-from shake_ros.data.tables.proposal import Proposal, propose
+from shake_ros.quantities import ShakeError
+from shake_ros.recordings.accelerograms import read_accelerogram
+from shake_ros.recordings.bags import read_table_recording
+from shake_ros.recordings.reference_file import build_program
+from shake_ros.recordings.tables.proposal import Proposal, propose
 from shake_ros.settings import find, read_yaml
 
 NAME = re.compile(r"[A-Za-z0-9][\w.-]{0,79}")
@@ -54,7 +54,7 @@ def summary(path: Path) -> dict[str, Any]:
         found = read_table_recording(path)
     except ShakeError as error:
         return {"error": str(error)}
-    from shake_ros.data.fit_records import finding_lines  # slow to import, and needed here alone
+    from shake_ros.recordings.fit_records import finding_lines
 
     entry: dict[str, Any] = {
         "seconds": len(found) * found.sample_time,

@@ -26,11 +26,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from shake_ros.core.analysis.response_spectrum import response_spectrum
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.plant.states import POSITION, VELOCITY
-from shake_ros.core.plant.table import Table
-from shake_ros.core.quantities import ShakeError
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.physics.plant.states import POSITION, VELOCITY
+from shake_ros.physics.plant.table import Table
+from shake_ros.quantities import ShakeError
+from shake_ros.signals.response_spectrum import response_spectrum
 
 Row = npt.NDArray[np.float32]
 FASTEST = 20.0  # a model that runs away is begun again [m/s]
@@ -337,7 +337,7 @@ class RunMeter:
 
     def _judge(self, row: dict[str, Any], error: Floats, wanted: Floats, felt: Floats, asked: Floats) -> None:
         """Not in the thread that takes samples: a spectrum takes a while, and compiles at first."""
-        from shake_ros.core.loop.metrics import DAMPING, HIGHEST, LOWEST  # slow to import
+        from shake_ros.control.metrics import DAMPING, HIGHEST, LOWEST
 
         known = np.isfinite(error)
         rms = float(np.sqrt(np.mean(error[known] ** 2)))

@@ -25,12 +25,12 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
-from shake_ros.core.quantities import ShakeError
 from shake_ros.page.authentication import OPERATOR, Allowance, Authentication, Keys, Seat
 from shake_ros.page.desk import Answer, Desk
 from shake_ros.page.jobs import Jobs
 from shake_ros.page.library import LARGEST, Library, checked_name, make_reference
 from shake_ros.page.samples import LEVELS, SampleStore
+from shake_ros.quantities import ShakeError
 from shake_ros.settings import config_folder
 
 FRAME = 1.0 / 30.0  # [s]

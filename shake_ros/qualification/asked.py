@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.api.live_table import OWN, LiveTable, NotReleasedError, OwnLoop, Release
-from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
-from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, strict_keys
 from shake_ros.iteration.iterate import Learn, learning
+from shake_ros.physics.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.qualification.assessment import Rules
 from shake_ros.qualification.motion import MotionParameters, check_sampling
 from shake_ros.qualification.required import RequiredSpectrum, load_required
 from shake_ros.qualification.resonance import SearchBand, SearchParameters
+from shake_ros.quantities import Parameters, ShakeError, choice, quantity, strict_keys
 from shake_ros.settings import find, load_table, read_yaml
 
 Array = NDArray[np.float64]

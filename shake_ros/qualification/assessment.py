@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.analysis.response_spectrum import response_spectrum
-from shake_ros.core.quantities import Parameters, choice, quantity
-from shake_ros.core.reference.baseline import filtered
+from shake_ros.control.reference.baseline import filtered
 from shake_ros.qualification.motion import aimed
 from shake_ros.qualification.required import RequiredSpectrum
+from shake_ros.quantities import Parameters, choice, quantity
+from shake_ros.signals.response_spectrum import response_spectrum
 
 Array = NDArray[np.float64]
 PIECES = 4  # of the strong part

@@ -22,12 +22,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.analysis.response_spectrum import resampled, response_spectrum
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.quantities import Parameters, ShakeError, quantity
-from shake_ros.core.reference.baseline import end_at_rest, filtered, states_from_rest
-from shake_ros.core.reference.motion import envelope, smooth_step
+from shake_ros.control.reference.baseline import end_at_rest, filtered, states_from_rest
+from shake_ros.control.reference.motion import envelope, smooth_step
+from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.qualification.required import RequiredSpectrum
+from shake_ros.quantities import Parameters, ShakeError, quantity
+from shake_ros.signals.response_spectrum import resampled, response_spectrum
 
 Array = NDArray[np.float64]
 COUPLING = 0.7  # share of the off-diagonal terms that is solved for: more spoils the record, as the authors say

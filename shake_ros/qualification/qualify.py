@@ -14,19 +14,19 @@ from numpy.typing import NDArray
 from shake_ros.api.live_table import FUSED, LiveLaboratory, LiveTable, OwnLoop, Release, own_loop
 from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.api.simulate import Simulation, simulate
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.quantities import ShakeError
-from shake_ros.core.reference.baseline import states_from_rest
-from shake_ros.data.accelerograms import read_accelerogram
-from shake_ros.data.accelerograms.accelerogram import Accelerogram
-from shake_ros.data.recordings import TableRecording
+from shake_ros.control.reference.baseline import states_from_rest
+from shake_ros.fit.records import Record
+from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.qualification.asked import Asked, QualificationSettings, asked_of, released
 from shake_ros.qualification.assessment import Tested, tested
 from shake_ros.qualification.motion import corrected_drive, demand, refusal, synthesise
 from shake_ros.qualification.required import RequiredSpectrum
 from shake_ros.qualification.resonance import ResonanceSearch, search_motion
 from shake_ros.qualification.result import Qualification, searched_in
+from shake_ros.quantities import ShakeError
+from shake_ros.recordings.accelerograms import read_accelerogram
+from shake_ros.recordings.accelerograms.accelerogram import Accelerogram
+from shake_ros.recordings.bags import TableRecording
 
 Array = NDArray[np.float64]
 

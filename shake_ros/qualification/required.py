@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.quantities import Parameters, ShakeError, choice, member_from, quantity, shown, strict_keys
+from shake_ros.quantities import Parameters, ShakeError, choice, member_from, quantity, shown, strict_keys
 from shake_ros.settings import find, read_yaml
 
 Array = NDArray[np.float64]

@@ -26,10 +26,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.quantities import Parameters, choice, quantity
-from shake_ros.core.reference.baseline import end_at_rest, filtered, states_from_rest
-from shake_ros.core.reference.motion import smooth_step
+from shake_ros.control.reference.baseline import end_at_rest, filtered, states_from_rest
+from shake_ros.control.reference.motion import smooth_step
 from shake_ros.qualification.motion import REST
+from shake_ros.quantities import Parameters, choice, quantity
 
 Array = NDArray[np.float64]
 SWEEP, RANDOM = "sine_sweep", "random"

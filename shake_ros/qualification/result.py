@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from shake_ros.core.quantities import ShakeError
-from shake_ros.data.recordings import TableRecording, read_table_recording, write_table_recording
-from shake_ros.data.result_folder import new_folder, write_json, writing
 from shake_ros.qualification.assessment import Rules, SpectrumAssessment, Tested, tested
 from shake_ros.qualification.required import RequiredSpectrum
 from shake_ros.qualification.resonance import Resonance, ResonanceSearch, SearchBand, Shift
+from shake_ros.quantities import ShakeError
+from shake_ros.recordings.bags import TableRecording, read_table_recording, write_table_recording
 from shake_ros.report.chart import static_figure
 from shake_ros.report.result_table import ResultTable
+from shake_ros.result_folder import new_folder, write_json, writing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -19,13 +19,13 @@ from shake_ros.api.live_table import LiveLaboratory, LiveTable, own_loop
 from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.api.simulate import Simulation
 from shake_ros.commissioning.steps import watched
-from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, strict_keys
-from shake_ros.data.recordings import read_table_recording
-from shake_ros.data.result_folder import write_json, writing
 from shake_ros.qualification.asked import Asked, asked_of
 from shake_ros.qualification.qualify import Laboratory, SimulatedLaboratory, conduct, made_motion
 from shake_ros.qualification.resonance import ResonanceSearch, Shift
 from shake_ros.qualification.result import Qualification, certified, moved
+from shake_ros.quantities import Parameters, ShakeError, choice, quantity, strict_keys
+from shake_ros.recordings.bags import read_table_recording
+from shake_ros.result_folder import write_json, writing
 from shake_ros.settings import find, read_yaml
 
 PLANS = "qualification_sequences"

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.quantities import unknown_name
-from shake_ros.data.recordings import TableRecording
+from shake_ros.quantities import unknown_name
+from shake_ros.recordings.bags import TableRecording
 
 if TYPE_CHECKING:  # loaded where a figure is drawn: it takes longer than all else
     from matplotlib.axes import Axes

@@ -7,16 +7,16 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.signal import welch
 
-from shake_ros.core.analysis.stretches import energies
-from shake_ros.core.discovery.closed_form import FunctionForm
-from shake_ros.core.discovery.unlisted_functions import ABOVE_NAMES, BELOW_NAMES, NODE_NAMES, PREFIX
-from shake_ros.core.effects.unlisted import CHANGES, NODES, SECONDS
-from shake_ros.core.identification.fit import Fit
-from shake_ros.core.identification.recordings import FULL, DeclaredModel, Record
-from shake_ros.core.identification.velocity_filter import filtered_velocity
-from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.explain.account import Account
+from shake_ros.fit.least_squares import Fit
+from shake_ros.fit.records import FULL, DeclaredModel, Record
+from shake_ros.physics.effects.unlisted import CHANGES, NODES, SECONDS
+from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.report.chart import Array, Chart, ChartSeries, Panel
+from shake_ros.search.closed_form import FunctionForm
+from shake_ros.search.unlisted_functions import ABOVE_NAMES, BELOW_NAMES, NODE_NAMES, PREFIX
+from shake_ros.signals.stretches import energies
+from shake_ros.signals.velocity_filter import filtered_velocity
 
 LABELS = {
     "position": "position [mm]",

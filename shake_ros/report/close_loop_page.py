@@ -7,20 +7,16 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from shake_ros.core.analysis.stretches import energies
-from shake_ros.core.discovery.closed_form import LearntFunction
-from shake_ros.core.discovery.decision import ForwardStep
-from shake_ros.core.discovery.declared_fit import FittedModel
-from shake_ros.core.discovery.problem import ScoredFit
-from shake_ros.core.effects import EFFECTS
-from shake_ros.core.identification.recordings import DeclaredModel, Record, longest
-from shake_ros.core.loop.trials import TrackingBenefit
-from shake_ros.data.results import FoundEffect, found_effects
+from shake_ros.control.trials import TrackingBenefit
 from shake_ros.explain.latent_force import LatentForce
+from shake_ros.fit.records import DeclaredModel, Record, longest
+from shake_ros.physics.effects import EFFECTS
+from shake_ros.repair.close_loop import LoopClosure
 from shake_ros.report import charts_fit
 from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.charts_fit import LABELS, SCALES, SHOWN
 from shake_ros.report.page import Bar, Page
+from shake_ros.report.report_json import FoundEffect, found_effects
 from shake_ros.report.result_table import percent
 from shake_ros.report.sections import (
     errors_section,
@@ -40,7 +36,11 @@ from shake_ros.report.text import (
     verdict_sentences,
     why_nothing,
 )
-from shake_ros.search.close_loop import LoopClosure
+from shake_ros.search.closed_form import LearntFunction
+from shake_ros.search.decision import ForwardStep
+from shake_ros.search.declared_fit import FittedModel
+from shake_ros.search.problem import ScoredFit
+from shake_ros.signals.stretches import energies
 
 WHAT = (
     "The force that would have to act on the table for the final model to reproduce the measured motion, smoothed "

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from shake_ros import __version__
-from shake_ros.core.failures import RAISING, Failures
+from shake_ros.failures import RAISING, Failures
 from shake_ros.report.chart import Chart, chart_json
 from shake_ros.report.result_table import ResultTable, aligned
 from shake_ros.report.text import sentence

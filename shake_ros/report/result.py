@@ -6,8 +6,8 @@ from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import Any, ClassVar
 
-from shake_ros.data.result_folder import new_folder, write_json
 from shake_ros.report.page import Page, write_page
+from shake_ros.result_folder import new_folder, write_json
 
 
 class Result(ABC):

@@ -9,16 +9,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.core.discovery.declared_fit import FittedModel
-from shake_ros.core.identification.experiments import stated
-from shake_ros.core.identification.nuisances import Prepared
-from shake_ros.core.identification.recordings import DeclaredModel, Record, longest
-from shake_ros.core.identification.uncertainty import Estimate
-from shake_ros.core.loop.trials import TrackingBenefit
-from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.control.trials import TrackingBenefit
 from shake_ros.explain.account import verdict
 from shake_ros.explain.diagnosis import Diagnosis
+from shake_ros.explain.experiments import stated
 from shake_ros.explain.prediction import HORIZONS, RATES, Innovations
+from shake_ros.fit.nuisances.prepared import Prepared
+from shake_ros.fit.records import DeclaredModel, Record, longest
+from shake_ros.fit.uncertainty import Estimate
+from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.report import charts_fit
 from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.page import Page, Source
@@ -32,6 +31,7 @@ from shake_ros.report.text import (
     slow_change_table,
     unit_of,
 )
+from shake_ros.search.declared_fit import FittedModel
 
 
 def innovations_table(page: Page, found: Innovations) -> None:

@@ -5,18 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from shake_ros.core.discovery.closed_form import LearntFunction
-from shake_ros.core.discovery.declared_fit import FittedModel
-from shake_ros.core.discovery.second_form import LearntChange
-from shake_ros.core.discovery.verdict import EffectVerdict
-from shake_ros.core.identification.axis_model import forecast_errors, position_errors, slow_changes
-from shake_ros.core.identification.nuisances import Prepared
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.uncertainty import Estimate
-from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.explain.latent_force import LatentForce
+from shake_ros.fit.axis_model import forecast_errors, position_errors, slow_changes
+from shake_ros.fit.nuisances.prepared import Prepared
+from shake_ros.fit.records import Record
+from shake_ros.fit.uncertainty import Estimate
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.repair.close_loop import LoopClosure
 from shake_ros.report.result_table import ResultTable, percent
-from shake_ros.search.close_loop import LoopClosure
+from shake_ros.search.closed_form import LearntFunction
+from shake_ros.search.declared_fit import FittedModel
+from shake_ros.search.second_form import LearntChange
+from shake_ros.search.verdict import EffectVerdict
 
 UNITS: Mapping[str, tuple[float, str]] = {  # SI unit → factor and unit to read
     "Pa": (1e-6, "MPa"),

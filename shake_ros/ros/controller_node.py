@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 
-from shake_ros.core.control import CONTROLLERS, harmonic_cancellation
-from shake_ros.core.control.harmonic_cancellation import HarmonicCancellation
-from shake_ros.core.control.runner import Controller, refuse_another_instant, switch
-from shake_ros.core.observer.law import work
-from shake_ros.core.observer.load import PITCH, RIGID, SWAYING, LoadTracker, LoadTracking, track
-from shake_ros.core.packing import numbers
-from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity
+from shake_ros.control.laws import CONTROLLERS, harmonic_cancellation
+from shake_ros.control.laws.harmonic_cancellation import HarmonicCancellation
+from shake_ros.control.laws.runner import Controller, refuse_another_instant, switch
+from shake_ros.control.observer.law import work
+from shake_ros.control.observer.load import PITCH, RIGID, SWAYING, LoadTracker, LoadTracking, track
+from shake_ros.packing import numbers
+from shake_ros.quantities import Parameters, ShakeError, choice, quantity
 from shake_ros.ros import interface
 from shake_ros.ros.conversions import SECOND, Values
 from shake_ros.ros.diagnostics import ERROR, OK, WARN

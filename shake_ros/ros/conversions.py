@@ -17,7 +17,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, Imu, JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from shake_ros.core.quantities import ShakeError
+from shake_ros.quantities import ShakeError
 from shake_ros.ros.interface import CLOCK, TABLE_JOINT, VALVE_COMMAND, VALVE_JOINT, Topic
 
 SECOND = 1_000_000_000

@@ -16,7 +16,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from shake_ros.core.quantities import ShakeError
+from shake_ros.quantities import ShakeError
 
 LEASE = 4.0  # a writer that was killed counts for 3 s more (config/fastdds_network.xml)
 OTHER = "another graph of these names? End it, or give this one a namespace: --ros-args -r __ns:=/other"

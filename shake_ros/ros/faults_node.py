@@ -10,12 +10,12 @@ from dataclasses import dataclass
 
 from rclpy.serialization import serialize_message
 
-from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, unknown_name
-from shake_ros.core.safety.faults import MessageFaultParameters, MessageFaults
+from shake_ros.quantities import Parameters, ShakeError, choice, quantity, unknown_name
 from shake_ros.ros.conversions import codec
 from shake_ros.ros.diagnostics import OK, WARN, Input
 from shake_ros.ros.frame import Behaviour, Frame
 from shake_ros.ros.interface import TOPICS, Topic
+from shake_ros.safety.faults import MessageFaultParameters, MessageFaults
 
 HEALTHY = "healthy/"
 

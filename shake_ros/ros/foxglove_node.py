@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import foxglove
 from foxglove.websocket import WebSocketServer
 
-from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity
-from shake_ros.data.recordings.writer import definition_of
+from shake_ros.quantities import Parameters, ShakeError, choice, quantity
+from shake_ros.recordings.bags.writer import definition_of
 from shake_ros.ros import interface
 from shake_ros.ros.conversions import SECOND
 from shake_ros.ros.diagnostics import OK

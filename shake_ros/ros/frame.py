@@ -22,7 +22,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
-from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, unknown_name
+from shake_ros.quantities import Parameters, ShakeError, choice, quantity, unknown_name
 from shake_ros.realtime import RealtimeParameters
 from shake_ros.ros.conversions import SECOND, OtherJointError, codec
 from shake_ros.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Input

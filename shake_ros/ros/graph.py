@@ -27,8 +27,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Any
 
-from shake_ros.core.quantities import ShakeError, unknown_name
 from shake_ros.entry_points import NODES
+from shake_ros.quantities import ShakeError, unknown_name
 from shake_ros.ros.graph_client import LiveGraph
 from shake_ros.ros.interface import NAMESPACE, REFERENCE, TOPICS
 from shake_ros.ros.loop import TAKEN_DOWN, NodeLoop, build_node, obey_signals, ros_context

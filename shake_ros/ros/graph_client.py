@@ -14,7 +14,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 
-from shake_ros.core.quantities import Parameters, ShakeError
+from shake_ros.quantities import Parameters, ShakeError
 from shake_ros.ros.diagnostics import ERROR, LEVELS
 from shake_ros.ros.interface import DIAGNOSTICS, ENABLE, SERVICES, VALVE_COMMAND
 

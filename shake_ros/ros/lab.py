@@ -14,8 +14,8 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from shake_ros.core.quantities import ShakeError
 from shake_ros.page.desk import Exchange
+from shake_ros.quantities import ShakeError
 from shake_ros.ros.exclusive_writer import ExclusiveWriter
 from shake_ros.ros.graph import Graph, NodeSpec, Value, awaited, command
 from shake_ros.ros.graph_client import LiveGraph

@@ -20,16 +20,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.api.live_table import InterlockHeldError
-from shake_ros.core.quantities import ShakeError
-from shake_ros.core.safety.causes import CAUSES, InterlockParameters
-from shake_ros.core.safety.stages import OFF, RUN, STAGES
-from shake_ros.data.reference_file import write_drive
+from shake_ros.quantities import ShakeError
+from shake_ros.recordings.reference_file import write_drive
 from shake_ros.ros.conversions import SECOND
 from shake_ros.ros.frame import FIRST_STAMP
 from shake_ros.ros.graph import Graph, GraphError, NodeSpec
 from shake_ros.ros.graph_client import TABLES, LiveGraph
 from shake_ros.ros.interface import NAMESPACE, VALVE_COMMAND
 from shake_ros.ros.loop import ros_context
+from shake_ros.safety.causes import CAUSES, InterlockParameters
+from shake_ros.safety.stages import OFF, RUN, STAGES
 
 Array = NDArray[np.float64]
 LOOK = 6.0  # for a graph [s]

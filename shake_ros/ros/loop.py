@@ -42,7 +42,7 @@ from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
 
 from shake_ros import realtime
-from shake_ros.core.quantities import ShakeError
+from shake_ros.quantities import ShakeError
 from shake_ros.ros.diagnostics import OK, WARN
 from shake_ros.ros.frame import DELIVERY, Behaviour, Frame
 from shake_ros.ros.parameters import read_parameter_files

@@ -16,9 +16,9 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 
-from shake_ros.core.quantities import KINDS, ShakeError
 from shake_ros.entry_points import NODES
 from shake_ros.page.desk import Answer
+from shake_ros.quantities import KINDS, ShakeError
 from shake_ros.ros.frame import Frame
 from shake_ros.ros.interface import type_name
 from shake_ros.ros.loop import DISCOVERY_RANGE, ros_context

@@ -15,10 +15,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from shake_ros.core.observer import OBSERVERS
-from shake_ros.core.observer.law import SENSORS
-from shake_ros.core.observer.runner import Observer
-from shake_ros.core.quantities import Parameters, choice
+from shake_ros.control.observer import OBSERVERS
+from shake_ros.control.observer.law import SENSORS
+from shake_ros.control.observer.runner import Observer
+from shake_ros.quantities import Parameters, choice
 from shake_ros.ros import interface
 from shake_ros.ros.conversions import SECOND
 from shake_ros.ros.diagnostics import OK, WARN

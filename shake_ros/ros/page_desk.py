@@ -16,10 +16,10 @@ import yaml
 from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import Float64MultiArray
 
-from shake_ros.core.quantities import ShakeError
 from shake_ros.page.desk import Answer, Line, TwinHistory, TwinStatus
 from shake_ros.page.library import Library
 from shake_ros.page.samples import RunMeter, SampleStore, amplitude_spectrum
+from shake_ros.quantities import ShakeError
 from shake_ros.ros import interface
 from shake_ros.ros.diagnostics import LEVELS
 from shake_ros.ros.frame import Frame

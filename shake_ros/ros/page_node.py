@@ -14,15 +14,15 @@ from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity
-from shake_ros.data.recordings.cdr import columns
-from shake_ros.data.recordings.series import SIGNALS
 from shake_ros.page.desk import call_lab
 from shake_ros.page.jobs import Jobs
 from shake_ros.page.library import Library
 from shake_ros.page.samples import TOPICS as SHOWN
 from shake_ros.page.samples import Prediction, SampleStore
 from shake_ros.page.server import Server, Site
+from shake_ros.quantities import Parameters, ShakeError, choice, quantity
+from shake_ros.recordings.bags.cdr import columns
+from shake_ros.recordings.bags.series import SIGNALS
 from shake_ros.ros.conversions import time_message
 from shake_ros.ros.diagnostics import OK
 from shake_ros.ros.frame import Behaviour, Frame, taken

@@ -24,8 +24,8 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from shake_ros.core.plant.parameters import FIELDS, TableParameters
-from shake_ros.core.quantities import Parameters, ShakeError, unknown_name
+from shake_ros.physics.plant.parameters import FIELDS, TableParameters
+from shake_ros.quantities import Parameters, ShakeError, unknown_name
 from shake_ros.settings import load_variant, read_yaml
 
 P = TypeVar("P", bound="Parameters | TableParameters")

@@ -5,16 +5,16 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
-from shake_ros.core.plant.cylinder import PressureWatch
-from shake_ros.core.plant.states import VELOCITY
-from shake_ros.core.plant.table import Table
-from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity
-from shake_ros.core.safety.faults import MISSING, MachineFaultParameters
-from shake_ros.core.safety.machine import Machine, PowerUnitParameters
+from shake_ros.physics.plant.cylinder import PressureWatch
+from shake_ros.physics.plant.states import VELOCITY
+from shake_ros.physics.plant.table import Table
+from shake_ros.quantities import Parameters, ShakeError, choice, quantity
 from shake_ros.ros import interface
 from shake_ros.ros.diagnostics import OK, WARN
 from shake_ros.ros.frame import FIRST_STAMP, Behaviour, Frame, Reader
 from shake_ros.ros.interlock import NodeInterlock, SensorWriters
+from shake_ros.safety.faults import MISSING, MachineFaultParameters
+from shake_ros.safety.machine import Machine, PowerUnitParameters
 from shake_ros.settings import load_table
 
 

@@ -10,8 +10,8 @@ from typing import Any
 
 from rclpy.duration import Duration
 
-from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity, unknown_name
-from shake_ros.data.recordings.bag import Bag, Message
+from shake_ros.quantities import Parameters, ShakeError, choice, quantity, unknown_name
+from shake_ros.recordings.bags.bag import Bag, Message
 from shake_ros.ros import interface
 from shake_ros.ros.conversions import SECOND
 from shake_ros.ros.diagnostics import OK

@@ -19,8 +19,8 @@ from typing import Any
 
 from rclpy.qos import QoSProfile
 
-from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity
-from shake_ros.data.recordings import BagWriter, recover
+from shake_ros.quantities import Parameters, ShakeError, choice, quantity
+from shake_ros.recordings.bags import BagWriter, recover
 from shake_ros.ros import interface, loop
 from shake_ros.ros.conversions import SECOND
 from shake_ros.ros.diagnostics import OK, Input

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shake_ros.core.quantities import Parameters, choice, quantity
-from shake_ros.core.reference.program import Program, crossfade, keeps_phase
-from shake_ros.data.reference_file import Reference, load_reference, make_program
+from shake_ros.control.reference.program import Program, crossfade, keeps_phase
+from shake_ros.quantities import Parameters, choice, quantity
+from shake_ros.recordings.reference_file import Reference, load_reference, make_program
 from shake_ros.ros import interface
 from shake_ros.ros.diagnostics import OK
 from shake_ros.ros.frame import Behaviour, Frame, Reader

@@ -13,10 +13,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.observer import OBSERVERS
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.quantities import Parameters, ShakeError
+from shake_ros.control.laws import CONTROLLERS
+from shake_ros.control.observer import OBSERVERS
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.quantities import Parameters, ShakeError
 from shake_ros.ros.diagnostics import OK, WARN
 from shake_ros.ros.frame import Frame
 from shake_ros.ros.graph_client import LiveGraph

@@ -22,7 +22,7 @@ from rclpy.parameter import Parameter, get_parameter_value, parameter_value_to_p
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import QoSProfile
 
-from shake_ros.core.quantities import ShakeError
+from shake_ros.quantities import ShakeError
 from shake_ros.ros.graph_client import GraphClient
 from shake_ros.ros.interface import interface_class, matching
 from shake_ros.ros.loop import ros_context

@@ -19,14 +19,14 @@ from typing import Any
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 
-from shake_ros.core.quantities import ShakeError
-from shake_ros.core.safety.causes import TIMED
-from shake_ros.core.safety.stages import OFF, STAGES
 from shake_ros.page.desk import Exchange
+from shake_ros.quantities import ShakeError
 from shake_ros.ros.diagnostics import NO_ANSWER
 from shake_ros.ros.graph import LAST, RECORDER, Graph, NodeSpec
 from shake_ros.ros.graph_client import POLL, TABLES, LiveGraph
 from shake_ros.ros.interface import ENABLE, RESET, Service
+from shake_ros.safety.causes import TIMED
+from shake_ros.safety.stages import OFF, STAGES
 
 GENERATOR = "reference_generator"
 SLOW = 5.0  # an orderly stop that takes longer is explained [s]

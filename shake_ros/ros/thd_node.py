@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
-from shake_ros.core.analysis.newest_samples import NewestSamples
-from shake_ros.core.analysis.thd import Harmonics
-from shake_ros.core.quantities import Parameters, ShakeError, quantity
+from shake_ros.quantities import Parameters, ShakeError, quantity
 from shake_ros.ros import interface
 from shake_ros.ros.conversions import SECOND, time_message
 from shake_ros.ros.diagnostics import OK, WARN, status_of
 from shake_ros.ros.frame import Behaviour, Frame, Reader
+from shake_ros.signals.newest_samples import NewestSamples
+from shake_ros.signals.thd import Harmonics
 
 COLUMNS = "order, frequency [Hz], amplitude [m/s^2], phase [rad]"
 AXIS = "x"

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
-from shake_ros.core.quantities import Parameters, ShakeError, choice, quantity
+from shake_ros.quantities import Parameters, ShakeError, choice, quantity
 from shake_ros.ros import interface
 from shake_ros.ros.conversions import SECOND, time_message
 from shake_ros.ros.diagnostics import ERROR, OK, WARN, Input, status_of

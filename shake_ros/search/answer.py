@@ -7,23 +7,23 @@ from dataclasses import replace
 
 import numpy as np
 
-from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.given_answer import GivenAnswer
-from shake_ros.core.discovery.problem import ModelStructure
-from shake_ros.core.failures import RAISING, Failures
-from shake_ros.core.identification.free_parameters import is_of_recording
-from shake_ros.core.identification.recordings import Record, windows
-from shake_ros.core.identification.sensor_filter import SensorFilter, filter_of
-from shake_ros.core.identification.sensor_pair import BASE, base_between
-from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
-from shake_ros.explain.backlash import BACKLASH, shows_backlash, width_of_gap
+from shake_ros.failures import RAISING, Failures
+from shake_ros.fit.free_parameters import is_of_recording
 from shake_ros.fit.likelihood import FreeRuns, Levels, ShakenRuns
 from shake_ros.fit.model import SENSOR_DELAY, SENSOR_FILTER, SENSOR_SCALE, FreeModel, TriedEffect, start_of
+from shake_ros.fit.nuisances.sensor_filter import SensorFilter, filter_of
+from shake_ros.fit.nuisances.sensor_pair import BASE, base_between
 from shake_ros.fit.prediction import Predictor, SlowRuns
+from shake_ros.fit.records import Record, windows
 from shake_ros.fit.segment import Segment, pieces
 from shake_ros.fit.solver import Budget
+from shake_ros.fit.start.backlash import BACKLASH, shows_backlash, width_of_gap
+from shake_ros.physics.plant.parameters import FULL_LAYOUT, TableParameters
+from shake_ros.search.candidate_effects import CandidateEffect
 from shake_ros.search.candidates import listed
+from shake_ros.search.given_answer import GivenAnswer
 from shake_ros.search.loop import Scored, SearchData, SetSearch, Start
+from shake_ros.search.problem import ModelStructure
 
 STIFFNESS = "effects.coupling_backlash.stiffness"
 SECONDS, PIECE = 14.0, 3.5  # of the estimation data that are fitted, and length of each piece [s]

@@ -6,14 +6,14 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.unlisted_functions import NODE_NAMES, OF_HYDRAULICS, OF_MOTION, PREFIX, FunctionKind
-from shake_ros.core.effects.unlisted import FRICTION_FACTOR_OF_POSITION
-from shake_ros.core.identification.free_parameters import FreeParameter
-from shake_ros.core.plant.states import POSITION, PRESSURE_A, VELOCITY
+from shake_ros.fit.free_parameters import FreeParameter
 from shake_ros.fit.model import TriedEffect
 from shake_ros.fit.prediction import Predictor
 from shake_ros.fit.solver import PredictorFit
+from shake_ros.physics.effects.unlisted import FRICTION_FACTOR_OF_POSITION
+from shake_ros.physics.plant.states import POSITION, PRESSURE_A, VELOCITY
+from shake_ros.search.candidate_effects import CandidateEffect
+from shake_ros.search.unlisted_functions import NODE_NAMES, OF_HYDRAULICS, OF_MOTION, PREFIX, FunctionKind
 
 UNLISTED = "unlisted"
 NODE_DEVIATION, CURVATURE_DEVIATION = 20.0, 10.0  # weak: they decide only what the recordings leave open

@@ -23,10 +23,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shake_ros.core.discovery.decision import price, tempered
 from shake_ros.fit.likelihood import Levels, Likelihood
 from shake_ros.fit.model import FreeModel, TriedEffect
 from shake_ros.fit.solver import Budget, PredictorFit, fit
+from shake_ros.search.decision import price, tempered
 from shake_ros.search.proposal import EffectSet, Linearised, linearised, proposals, start, weakest
 
 Progress = Callable[[str], None]

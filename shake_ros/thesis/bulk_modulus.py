@@ -19,17 +19,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.api.progress import Progress
-from shake_ros.core.effects.hydraulics import factor
-from shake_ros.core.friction import FRICTIONS, steady_force
-from shake_ros.core.identification.fit import fit
-from shake_ros.core.identification.recording_problem import RecordingProblem
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.packing import record
-from shake_ros.core.plant.cylinder import rest_pressures, volumes
-from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
-from shake_ros.core.plant.right_hand_side import chamber_moduli, exchange_compliance
-from shake_ros.core.plant.simulation import run as simulated
+from shake_ros.fit.least_squares import fit
+from shake_ros.fit.recording_problem import RecordingProblem
+from shake_ros.fit.records import Record
 from shake_ros.measured.runs import PRINTED, printed_tables
+from shake_ros.packing import record
+from shake_ros.physics.effects.hydraulics import factor
+from shake_ros.physics.friction import FRICTIONS, steady_force
+from shake_ros.physics.plant.cylinder import rest_pressures, volumes
+from shake_ros.physics.plant.parameters import FULL_LAYOUT, TableParameters
+from shake_ros.physics.plant.right_hand_side import chamber_moduli, exchange_compliance
+from shake_ros.physics.plant.simulation import run as simulated
 from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.settings import load_table
 from shake_ros.thesis.reproduce import (

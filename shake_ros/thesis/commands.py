@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from shake_ros.cli.arguments import CommandLine, add_data, read_data, reported, reporting
-from shake_ros.core.quantities import ShakeError
-from shake_ros.data.result_folder import check_folder, refuse_existing, writing
 from shake_ros.measured.runs import measured_runs
+from shake_ros.quantities import ShakeError
+from shake_ros.result_folder import check_folder, refuse_existing, writing
 from shake_ros.thesis.figures import FIGURES, figures, known_figures
 from shake_ros.thesis.reproduce import ALL, EXPERIMENTS, known_experiments, reproduce
 from shake_ros.thesis.schedule import schedule

@@ -10,7 +10,7 @@ import numpy as np
 
 from shake_ros.api.compare import Comparison, amplitudes, compare, error_chart, number, response_chart, spectrum_chart
 from shake_ros.api.progress import Progress
-from shake_ros.core.loop.metrics import Metrics, Outcome, over
+from shake_ros.control.metrics import Metrics, Outcome, over
 from shake_ros.report.chart import Chart
 from shake_ros.thesis.reproduce import Claim, ExperimentReport, Rows, asked_in
 

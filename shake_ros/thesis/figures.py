@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from shake_ros.core.analysis.frequency_response import describing_function
-from shake_ros.core.effects import EFFECTS
-from shake_ros.core.plant.linearisation import linearise, oil_column_frequency, operating_point
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.plant.simulation import run
-from shake_ros.core.quantities import unknown_name
+from shake_ros.physics.effects import EFFECTS
+from shake_ros.physics.plant.linearisation import linearise, oil_column_frequency, operating_point
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.physics.plant.simulation import run
+from shake_ros.quantities import unknown_name
 from shake_ros.report.chart import BEFORE, COLOURS, GREY, name_decades, new_figure, tidy
 from shake_ros.settings import find, load_table, read_yaml
+from shake_ros.signals.frequency_response import describing_function
 from shake_ros.thesis import figures_laws as laws
 from shake_ros.thesis.figures_laws import gain_and_phase, settings
 

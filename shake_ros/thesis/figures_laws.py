@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from shake_ros.core.analysis.frequency_response import fundamental
-from shake_ros.core.bulk_modulus import BULK_MODULI, BulkModulusLaw, moduli
-from shake_ros.core.friction import FRICTIONS, steady_force
-from shake_ros.core.friction.response import break_away_force, pulled_block, under_motion
-from shake_ros.core.packing import record
-from shake_ros.core.quantities import Parameters
-from shake_ros.core.valve import VALVES, linear_response, valve_response
-from shake_ros.core.valve.ports import steady_force as steady_flow_force
+from shake_ros.packing import record
+from shake_ros.physics.bulk_modulus import BULK_MODULI, BulkModulusLaw, moduli
+from shake_ros.physics.friction import FRICTIONS, steady_force
+from shake_ros.physics.friction.response import break_away_force, pulled_block, under_motion
+from shake_ros.physics.valve import VALVES, linear_response, valve_response
+from shake_ros.physics.valve.ports import steady_force as steady_flow_force
+from shake_ros.quantities import Parameters
 from shake_ros.report.chart import COLOURS, new_figure, tidy
 from shake_ros.settings import find, load_table, load_variant, read_yaml
+from shake_ros.signals.frequency_response import fundamental
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -20,17 +20,17 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import RBFInterpolator
 
-from shake_ros.core.compiled import njit
-from shake_ros.core.identification.fit import Problem, fit
-from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.recording_problem import RecordingProblem
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.plant.dormand_prince import STAGE, workspace
-from shake_ros.core.plant.integration import OUTPUTS, acceleration_now, advance_sample, delayed, follow, outputs
-from shake_ros.core.plant.parameters import records
-from shake_ros.core.plant.simulation import SMOOTH, initial_state
-from shake_ros.core.plant.states import VELOCITY
-from shake_ros.core.quantities import ShakeError
+from shake_ros.compiled import njit
+from shake_ros.fit.free_parameters import FreeParameters
+from shake_ros.fit.least_squares import Problem, fit
+from shake_ros.fit.recording_problem import RecordingProblem
+from shake_ros.fit.records import Record
+from shake_ros.physics.plant.dormand_prince import STAGE, workspace
+from shake_ros.physics.plant.integration import OUTPUTS, acceleration_now, advance_sample, delayed, follow, outputs
+from shake_ros.physics.plant.parameters import records
+from shake_ros.physics.plant.simulation import SMOOTH, initial_state
+from shake_ros.physics.plant.states import VELOCITY
+from shake_ros.quantities import ShakeError
 
 HIDDEN = (100, 100)  # neurons of the two hidden layers
 EPOCHS, GOAL, PATIENCE = 1000, 1e-6, 30  # of the training (6.3.5)

@@ -9,12 +9,12 @@ import numpy as np
 
 from shake_ros.api.loops import strict
 from shake_ros.api.progress import Progress
-from shake_ros.core.friction import FRICTIONS
-from shake_ros.core.identification.fit import fit
-from shake_ros.core.identification.free_parameters import FreeParameter, FreeParameters
-from shake_ros.core.identification.recording_problem import RecordingProblem
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.plant.parameters import TableParameters
+from shake_ros.fit.free_parameters import FreeParameter, FreeParameters
+from shake_ros.fit.least_squares import fit
+from shake_ros.fit.recording_problem import RecordingProblem
+from shake_ros.fit.records import Record
+from shake_ros.physics.friction import FRICTIONS
+from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.report.chart import Chart
 from shake_ros.settings import find, load_table, load_variant, read_yaml
 from shake_ros.thesis.reproduce import (

@@ -8,19 +8,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from shake_ros.api.progress import Progress
-from shake_ros.core.identification.fit import fit
-from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.recording_problem import RecordingProblem
-from shake_ros.core.identification.recordings import Record, relative_error
-from shake_ros.core.identification.reduced_model import REDUCED
-from shake_ros.core.identification.velocity_filter import filtered_velocity
-from shake_ros.core.observer import OBSERVERS
-from shake_ros.core.observer.runner import Observer
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.plant.reduced import REDUCED_LAYOUT, ReducedParameters
+from shake_ros.control.observer import OBSERVERS
+from shake_ros.control.observer.runner import Observer
 from shake_ros.declared import free_parameters
+from shake_ros.fit.free_parameters import FreeParameters
+from shake_ros.fit.least_squares import fit
+from shake_ros.fit.recording_problem import RecordingProblem
+from shake_ros.fit.records import Record, relative_error
+from shake_ros.fit.reduced_model import REDUCED
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.physics.plant.reduced import REDUCED_LAYOUT, ReducedParameters
 from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.settings import find, load_table, load_variant, read_yaml
+from shake_ros.signals.velocity_filter import filtered_velocity
 from shake_ros.thesis.reproduce import (
     Claim,
     ExperimentReport,

@@ -12,16 +12,16 @@ import numpy as np
 
 from shake_ros.api.loops import strict
 from shake_ros.api.progress import Progress, ProgressOption
-from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.plant.simulation import run
-from shake_ros.core.quantities import unknown_name
-from shake_ros.data.result_folder import new_folder, write_json
 from shake_ros.declared import free_parameters
+from shake_ros.fit.free_parameters import FreeParameters
+from shake_ros.fit.records import Record
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.physics.plant.simulation import run
+from shake_ros.quantities import unknown_name
 from shake_ros.report.chart import Array, Chart, ChartSeries, Panel
 from shake_ros.report.page import Page, write_page
 from shake_ros.report.result_table import ResultTable, aligned
+from shake_ros.result_folder import new_folder, write_json
 from shake_ros.settings import find, read_yaml
 
 

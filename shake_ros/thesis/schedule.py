@@ -13,20 +13,20 @@ import numpy as np
 
 from shake_ros.api.fitted import Data, fit_data
 from shake_ros.api.progress import Progress, ProgressOption
-from shake_ros.core.identification.fit import Fit, costs, fit
-from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.recording_problem import RecordingProblem
-from shake_ros.core.identification.recordings import FULL, Record, relative_error
-from shake_ros.core.identification.velocity_filter import filtered_velocity
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.quantities import ShakeError, strict_keys
 from shake_ros.declared import effect_candidates, free_parameters
+from shake_ros.fit.free_parameters import FreeParameters
+from shake_ros.fit.least_squares import Fit, costs, fit
+from shake_ros.fit.recording_problem import RecordingProblem
+from shake_ros.fit.records import FULL, Record, relative_error
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.quantities import ShakeError, strict_keys
 from shake_ros.report.chart import Chart, ChartSeries, Panel, static_figure
 from shake_ros.report.page import Page
 from shake_ros.report.result import Result
 from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.report.sections import sources_of
 from shake_ros.settings import find, load_table, read_yaml
+from shake_ros.signals.velocity_filter import filtered_velocity
 from shake_ros.thesis.network import WINDOW, SeedResult, Training, pieces, run_scheduled, trained, window_fits
 from shake_ros.thesis.reproduce import Claim, ExperimentReport, Rows, asked_in, noisy, recorded
 
@@ -315,7 +315,7 @@ def schedule(
     >>> sr.schedule(sr.recording("short", [0.0, 0.1], [0.0, 0.0], [0.0, 0.0]))
     Traceback (most recent call last):
         ...
-    shake_ros.core.quantities.ShakeError: schedule: estimation and validation data, both or neither
+    shake_ros.quantities.ShakeError: schedule: estimation and validation data, both or neither
     """
     if (estimation is None) != (validation is None):
         raise ShakeError("schedule: estimation and validation data, both or neither")

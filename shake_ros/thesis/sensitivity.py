@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from shake_ros.api.loops import strict
 from shake_ros.api.progress import Progress
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.plant.simulation import initial_state, run_batch
-from shake_ros.data.result_folder import refuse_existing, write_json, writing
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.physics.plant.simulation import initial_state, run_batch
 from shake_ros.report.chart import Chart, ChartSeries, Panel, static_figure
+from shake_ros.result_folder import refuse_existing, write_json, writing
 from shake_ros.settings import find, load_table, read_yaml
 from shake_ros.thesis.reproduce import Claim, ExperimentReport, Rows, sine
 

@@ -18,15 +18,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.plant.parameters import FULL_LAYOUT
-from shake_ros.core.plant.prediction import FORCE
-from shake_ros.core.plant.states import PRESSURE_A, VELOCITY
 from shake_ros.fit.likelihood import Levels
 from shake_ros.fit.model import FreeModel
 from shake_ros.fit.prediction import FilteredSegment, Predictor
+from shake_ros.fit.records import Record
 from shake_ros.fit.segment import Segment
 from shake_ros.fit.solver import jacobian
+from shake_ros.physics.plant.parameters import FULL_LAYOUT
+from shake_ros.physics.plant.prediction import FORCE
+from shake_ros.physics.plant.states import PRESSURE_A, VELOCITY
 
 QUIET = 0.25  # part of what an accelerometer shows above the motion that is its own noise at least [-]
 MASS = "effects.payload_error.mass"

@@ -12,9 +12,9 @@ import numpy as np
 
 from shake_ros.api.fitted import Data, recordings
 from shake_ros.api.progress import Progress, ProgressOption
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.quantities import ShakeError
-from shake_ros.data.recordings import TableRecording
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.quantities import ShakeError
+from shake_ros.recordings.bags import TableRecording
 from shake_ros.report.page import Page
 from shake_ros.report.result import Result
 from shake_ros.report.result_table import ResultTable, percent

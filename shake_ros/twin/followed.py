@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from shake_ros.core.identification.free_parameters import FreeParameter
-from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
-from shake_ros.core.quantities import Parameters, ShakeError, quantity, strict_keys
 from shake_ros.declared import effect_candidates, free_parameters, sized
+from shake_ros.fit.free_parameters import FreeParameter
 from shake_ros.fit.model import SENSOR_FILTER, FreeModel, start_of
+from shake_ros.physics.plant.parameters import FULL_LAYOUT, TableParameters
+from shake_ros.quantities import Parameters, ShakeError, quantity, strict_keys
 from shake_ros.settings import find, read_yaml
 
 SUPPLY = FreeParameter("supply.supply_pressure", 1e6, 1e6, 1e8, "Pa")

@@ -22,7 +22,7 @@ from functools import cached_property
 
 import numpy as np
 
-from shake_ros.core.discovery.decision import PRIOR
+from shake_ros.search.decision import PRIOR
 from shake_ros.twin.twin import INTERVAL, PAUSED, TwinWindow
 
 DAY = 86400 * 10**9  # [ns]

@@ -28,15 +28,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shake_ros.core.discovery.decision import PRIOR
-from shake_ros.core.identification.free_parameters import FreeParameter
-from shake_ros.core.identification.recordings import FULL, Record
-from shake_ros.core.identification.sensor_filter import SensorFilter
 from shake_ros.declared import effect_candidates, sized
+from shake_ros.fit.free_parameters import FreeParameter
 from shake_ros.fit.likelihood import Levels
 from shake_ros.fit.model import SENSOR, SENSOR_FILTER, TABLE, FreeModel, TriedEffect
+from shake_ros.fit.nuisances.sensor_filter import SensorFilter
+from shake_ros.fit.records import FULL, Record
 from shake_ros.fit.solver import Budget, PredictorFit, descend, jacobian, prior_residuals
 from shake_ros.search.candidates import functions, listed
+from shake_ros.search.decision import PRIOR
 from shake_ros.search.proposal import MULTIPLES, NONE_MOVED, SHIFT, EffectSet, Linearised, evaluate, linearised
 from shake_ros.twin.change import KnownState
 from shake_ros.twin.evidence import ScaledPredictor, segment_of

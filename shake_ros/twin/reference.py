@@ -11,13 +11,13 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.sensor_filter import CUTOFFS
-from shake_ros.core.plant.sensors import FILTER_DELAY
 from shake_ros.fit.likelihood import Levels
 from shake_ros.fit.model import SENSOR_FILTER, TABLE, FreeModel
+from shake_ros.fit.nuisances.sensor_filter import CUTOFFS
 from shake_ros.fit.prediction import LIMITS, Predictor
+from shake_ros.fit.records import Record
 from shake_ros.fit.segment import Segment
+from shake_ros.physics.plant.sensors import FILTER_DELAY
 from shake_ros.twin.change import KnownState, pooled
 from shake_ros.twin.evidence import QUIET, WindowEvidence, evidence, segment_of
 

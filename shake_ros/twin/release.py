@@ -7,7 +7,7 @@ those of the file.
 
 A gain that is a command per motion is divided by the velocity that a command now gives over that of the file, so that
 the feedback around the table stays as it was designed; β change as the closed form of the table does
-(core/plant/reduced.py).
+(physics/plant/reduced.py).
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from shake_ros.core.plant.parameters import DELAY, FULL_LAYOUT, TableParameters
-from shake_ros.core.plant.reduced import closed_form
-from shake_ros.core.quantities import Parameters
+from shake_ros.physics.plant.parameters import DELAY, FULL_LAYOUT, TableParameters
+from shake_ros.physics.plant.reduced import closed_form
+from shake_ros.quantities import Parameters
 from shake_ros.twin.twin import Twin, TwinWindow
 
 CLEAR = 3.0  # standard deviations from its target, from which a followed value moves it

@@ -17,13 +17,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shake_ros.core.analysis.stretches import stretches
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.plant.parameters import FULL_LAYOUT, TableParameters
-from shake_ros.core.quantities import ShakeError
 from shake_ros.fit.likelihood import Levels
 from shake_ros.fit.model import FreeModel
+from shake_ros.fit.records import Record
 from shake_ros.fit.segment import SETTLE, Segment
+from shake_ros.physics.plant.parameters import FULL_LAYOUT, TableParameters
+from shake_ros.quantities import ShakeError
+from shake_ros.signals.stretches import stretches
 from shake_ros.twin.change import (
     HOUR,
     Alarm,

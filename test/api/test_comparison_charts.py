@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from shake_ros.api.compare import LEAST_SHOWN, amplitudes, spectrum_chart
-from shake_ros.core.control.closed_loop import ClosedLoop
+from shake_ros.control.closed_loop import ClosedLoop
 
 DT = 1e-3
 

@@ -8,8 +8,8 @@ import time
 import pytest
 
 from shake_ros.api.progress import Ending, Progress
-from shake_ros.core.discovery.problem import Stopped, unstopped
-from shake_ros.core.quantities import ShakeError
+from shake_ros.quantities import ShakeError
+from shake_ros.search.problem import Stopped, unstopped
 
 
 def test_a_search_ends_when_its_minutes_are_over() -> None:

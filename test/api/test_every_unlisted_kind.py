@@ -16,13 +16,20 @@ import yaml
 import shake_ros as sr
 from shake_ros.api import model as opening
 from shake_ros.api import tune_table
-from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.decision import ForwardStep, Refit
-from shake_ros.core.discovery.declared_fit import fit_declared
-from shake_ros.core.discovery.problem import ModelStructure, SearchProblem, linearised
-from shake_ros.core.discovery.refined_nodes import refined_function
-from shake_ros.core.discovery.selection import Selection
-from shake_ros.core.discovery.unlisted_functions import (
+from shake_ros.fit.free_parameters import FreeParameters
+from shake_ros.fit.least_squares import Fit
+from shake_ros.fit.start.stages import StartingPoint
+from shake_ros.physics.effects.unlisted import NODES
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.physics.plant.simulation import run
+from shake_ros.repair import close_loop as closing
+from shake_ros.search.candidate_effects import CandidateEffect
+from shake_ros.search.decision import ForwardStep, Refit
+from shake_ros.search.declared_fit import fit_declared
+from shake_ros.search.problem import ModelStructure, SearchProblem, linearised
+from shake_ros.search.refined_nodes import refined_function
+from shake_ros.search.selection import Selection
+from shake_ros.search.unlisted_functions import (
     KINDS,
     NODE_NAMES,
     PREFIX,
@@ -37,14 +44,7 @@ from shake_ros.core.discovery.unlisted_functions import (
     ranges,
     screen_function,
 )
-from shake_ros.core.discovery.verdict import EffectVerdict, verdict_of
-from shake_ros.core.effects.unlisted import NODES
-from shake_ros.core.identification.fit import Fit
-from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.stages import StartingPoint
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.plant.simulation import run
-from shake_ros.search import close_loop as closing
+from shake_ros.search.verdict import EffectVerdict, verdict_of
 from shake_ros.settings import load_search, load_table, read_yaml
 
 STEP, SECONDS = 0.001, 1.2

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from shake_ros.api.read import recording
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.quantities import ShakeError
-from shake_ros.core.reference.baseline import states_from_rest
-from shake_ros.data.reference_file import build_program
+from shake_ros.control.reference.baseline import states_from_rest
+from shake_ros.fit.records import Record
 from shake_ros.iteration.iterate import Iterated, iterate, iterate_simulated
 from shake_ros.iteration.table import SimulatedTable
+from shake_ros.quantities import ShakeError
+from shake_ros.recordings.reference_file import build_program
 from shake_ros.settings import load_search, load_table
 
 FIXED = ("model_soft_zone", "super_twisting_model")

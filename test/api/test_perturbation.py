@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from shake_ros.api.loops import DEAD_TIME, GROUPS, Spread, perturbed
-from shake_ros.core.plant.parameters import FIELDS, TableParameters
-from shake_ros.core.quantities import OutOfBounds, ShakeError
+from shake_ros.physics.plant.parameters import FIELDS, TableParameters
+from shake_ros.quantities import OutOfBounds, ShakeError
 from shake_ros.settings import find, load_table, read_yaml
 
 

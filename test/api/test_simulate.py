@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import shake_ros as sr
-from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.control.closed_loop import ClosedLoop
-from shake_ros.core.control.runner import Controller
-from shake_ros.core.loop.compiled import Loop, simulate
-from shake_ros.core.plant.simulation import run
-from shake_ros.core.quantities import ShakeError
+from shake_ros.control.closed_loop import ClosedLoop
+from shake_ros.control.laws import CONTROLLERS
+from shake_ros.control.laws.runner import Controller
+from shake_ros.control.simulation import Loop, simulate
+from shake_ros.physics.plant.simulation import run
+from shake_ros.quantities import ShakeError
 from shake_ros.settings import load_table, load_variant
 
 TIME = np.arange(1500) / 1000

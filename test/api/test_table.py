@@ -10,9 +10,9 @@ from hidden_table import SAMPLE_TIME, record
 
 import shake_ros as sr
 from shake_ros import __main__
-from shake_ros.core.identification.data_checks import contradictions
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.quantities import ShakeError
+from shake_ros.fit.records import Record
+from shake_ros.fit.start.data_checks import contradictions
+from shake_ros.quantities import ShakeError
 from shake_ros.settings import load_table
 
 

@@ -17,9 +17,9 @@ from hidden_table import SAMPLE_TIME, Hidden, record
 import shake_ros as sr
 from shake_ros.api import close_loop as verb
 from shake_ros.api import model as opening
-from shake_ros.core.identification.stages import StartingPoint
-from shake_ros.core.quantities import ShakeError
 from shake_ros.declared import model_structure
+from shake_ros.fit.start.stages import StartingPoint
+from shake_ros.quantities import ShakeError
 from shake_ros.settings import load_table
 
 VOLTS, SHIFTS, BIASES = 10.0, (0.004, -0.006, 0.001, 0.008), (0.05, -0.1, 0.02, 0.3)

@@ -15,12 +15,12 @@ from short_tuning import short_tuning
 import shake_ros as sr
 from shake_ros.__main__ import main
 from shake_ros.api.tune_table import TunedTable, findings, load_of, load_robust, read_uncertainty, tune_table
-from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.loop.robust import Load
-from shake_ros.core.loop.trials import Trials
-from shake_ros.core.observer import OBSERVERS
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.quantities import ShakeError
+from shake_ros.control.laws import CONTROLLERS
+from shake_ros.control.observer import OBSERVERS
+from shake_ros.control.robust import Load
+from shake_ros.control.trials import Trials
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.quantities import ShakeError
 from shake_ros.settings import load_table, load_variant
 
 SOFT = {  # half the oil's stiffness, a soft zone, 3.4 ms of dead time

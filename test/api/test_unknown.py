@@ -13,15 +13,15 @@ from hidden_table import OWN, SAMPLE_TIME, Hidden, constants, record
 
 import shake_ros as sr
 from shake_ros.api.identify import Identification
-from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.control.runner import Controller
-from shake_ros.core.identification.nuisances import Prepared, null_shift, prepared
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.sensor_pair import advanced, sensor_pair
-from shake_ros.core.observer import OBSERVERS
-from shake_ros.core.observer.runner import Observer
-from shake_ros.core.quantities import ShakeError
+from shake_ros.control.laws import CONTROLLERS
+from shake_ros.control.laws.runner import Controller
+from shake_ros.control.observer import OBSERVERS
+from shake_ros.control.observer.runner import Observer
 from shake_ros.declared import unknown_model
+from shake_ros.fit.nuisances.prepared import Prepared, null_shift, prepared
+from shake_ros.fit.nuisances.sensor_pair import advanced, sensor_pair
+from shake_ros.fit.records import Record
+from shake_ros.quantities import ShakeError
 from shake_ros.settings import load_table, load_variant
 
 VOLTS = 10.0

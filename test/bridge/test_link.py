@@ -9,9 +9,9 @@ import pytest
 
 from shake_ros.bridge import wire
 from shake_ros.bridge.emulator import parse_fault
-from shake_ros.core.quantities import ShakeError
-from shake_ros.core.safety.causes import NUMBERS
-from shake_ros.core.safety.stages import HIGH, LOW, OFF, RUN
+from shake_ros.quantities import ShakeError
+from shake_ros.safety.causes import NUMBERS
+from shake_ros.safety.stages import HIGH, LOW, OFF, RUN
 
 STALE, LOST = 20, 200  # [ms] of config/interlock/target.yaml
 

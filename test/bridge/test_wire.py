@@ -28,7 +28,7 @@ from shake_ros.bridge.wire import (
 from shake_ros.bridge.wire import (
     WORKED_KEY as KEY,
 )
-from shake_ros.core.quantities import ShakeError
+from shake_ros.quantities import ShakeError
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "reference" / "datagrams.md"

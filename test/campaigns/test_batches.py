@@ -14,7 +14,7 @@ import pytest
 
 from shake_ros.campaigns.batches import BATCH, Task, TaskOutcome, function_of, run
 from shake_ros.campaigns.engine import Engine, ProcessWorkers, WorkerDied, engine
-from shake_ros.core.quantities import ShakeError
+from shake_ros.quantities import ShakeError
 
 TASKS = "benchmarks.campaign.tasks"
 EACH = 0.005  # [s]

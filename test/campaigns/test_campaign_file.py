@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from shake_ros.campaigns.campaign import FILE, CampaignFile
-from shake_ros.core.quantities import ShakeError
+from shake_ros.quantities import ShakeError
 
 ROW = ("key", '{"seed":1}', "v1", '{"sum": 0.1}', None, 1.0, 0.9, "machine 1")
 

@@ -11,7 +11,7 @@ import pytest
 
 from shake_ros.campaigns.batches import Task, function_of, run
 from shake_ros.campaigns.engine import check_address, engine
-from shake_ros.core.quantities import ShakeError
+from shake_ros.quantities import ShakeError
 
 HERE = importlib.util.find_spec("distributed") is not None
 without = pytest.mark.skipif(not HERE, reason="distributed is not installed: pip install 'shake_ros[cluster]'")

@@ -7,7 +7,7 @@ import copy
 import pytest
 
 from shake_ros.campaigns.study import content_hash, load_study, study_of
-from shake_ros.core.quantities import ShakeError
+from shake_ros.quantities import ShakeError
 from shake_ros.settings import config_folder
 
 GOOD = {

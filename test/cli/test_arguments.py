@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from shake_ros.cli.arguments import CommandLine, parameter_texts
-from shake_ros.core.quantities import ShakeError
+from shake_ros.quantities import ShakeError
 
 
 def verb(

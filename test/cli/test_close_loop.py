@@ -17,11 +17,11 @@ from shake_ros import __main__
 from shake_ros.api.model import model
 from shake_ros.api.tune_table import read_uncertainty
 from shake_ros.cli.repair import write_next
-from shake_ros.core.plant.simulation import run
-from shake_ros.core.reference.motion import Envelope
-from shake_ros.data.recordings import write_table_recording
+from shake_ros.control.reference.motion import Envelope
 from shake_ros.experiment_design.next_recording import NextRecording
-from shake_ros.search import close_loop as closing
+from shake_ros.physics.plant.simulation import run
+from shake_ros.recordings.bags import write_table_recording
+from shake_ros.repair import close_loop as closing
 from shake_ros.settings import load_table
 
 TIME = np.arange(1500) * 0.001

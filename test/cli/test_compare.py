@@ -13,7 +13,7 @@ import yaml
 from pages import read_page
 
 from shake_ros.__main__ import main
-from shake_ros.core.control import CONTROLLERS
+from shake_ros.control.laws import CONTROLLERS
 from shake_ros.settings import find, load_variant, read_yaml
 
 LABELS = ("feedforward PI, printed", "super-twisting, printed")

@@ -13,7 +13,7 @@ import pytest
 from live_tables import SimulatedLiveTable
 
 from shake_ros.cli import arguments, repair
-from shake_ros.core.reference.baseline import states_from_rest
+from shake_ros.control.reference.baseline import states_from_rest
 from shake_ros.settings import load_table
 
 

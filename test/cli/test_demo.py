@@ -16,13 +16,13 @@ from closed_loops import command, recording
 from shake_ros import __main__
 from shake_ros.api.fitted import with_test
 from shake_ros.api.progress import Progress
-from shake_ros.core.effects import EFFECTS
-from shake_ros.core.quantities import UnknownName
-from shake_ros.data.recordings import TableRecording, read_table_recording, write_table_recording
 from shake_ros.demonstration import demo
 from shake_ros.demonstration.demo import DemoResult, track_of
 from shake_ros.measured import models, runs
 from shake_ros.measured.models import MeasuredRuns
+from shake_ros.physics.effects import EFFECTS
+from shake_ros.quantities import UnknownName
+from shake_ros.recordings.bags import TableRecording, read_table_recording, write_table_recording
 from shake_ros.settings import find, load_table, read_yaml, save_table
 
 SETTINGS = read_yaml(find("demo", "default"))

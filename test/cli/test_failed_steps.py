@@ -17,8 +17,8 @@ from shake_ros.api import close_loop as verb
 from shake_ros.declared import effect_candidates, model_structure
 from shake_ros.fit.likelihood import Levels
 from shake_ros.fit.model import FreeModel
+from shake_ros.repair import close_loop as closing
 from shake_ros.report.page import Page
-from shake_ros.search import close_loop as closing
 from shake_ros.search import loop
 from shake_ros.search.candidates import listed
 from shake_ros.search.loop import Scored, SetSearch

@@ -12,7 +12,7 @@ from hidden_table import OWN
 from pages import read_page
 
 from shake_ros import __main__
-from shake_ros.core.discovery import declared_fit
+from shake_ros.search import declared_fit
 from shake_ros.settings import load_search, load_table
 
 SEARCH = load_search()

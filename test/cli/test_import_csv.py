@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from shake_ros.cli.repair import import_csv_command
-from shake_ros.core.quantities import ShakeError
-from shake_ros.data.recordings import read_table_recording
+from shake_ros.quantities import ShakeError
+from shake_ros.recordings.bags import read_table_recording
 
 TABLE = "t,u,x_mm,a\n" + "".join(f"{0.01 * k:.2f},{0.1 * k:.1f},{k},{k + 0.5}\n" for k in range(5))
 

@@ -17,13 +17,13 @@ from pages import read_page
 
 from shake_ros.__main__ import main
 from shake_ros.api.live_table import NotReleasedError
-from shake_ros.core.analysis.response_spectrum import response_spectrum
-from shake_ros.core.quantities import ShakeError
-from shake_ros.data.recordings import read_table_recording
 from shake_ros.qualification.qualify import qualify
 from shake_ros.qualification.result import certified
 from shake_ros.qualification.sequence import qualify_sequence
+from shake_ros.quantities import ShakeError
+from shake_ros.recordings.bags import read_table_recording
 from shake_ros.settings import find, load_table, read_yaml
+from shake_ros.signals.response_spectrum import response_spectrum
 
 SPECTRUM: dict[str, Any] = {
     "kind": "points", "name": "short floor spectrum", "source": "of this test", "damping": 0.05, "zero_period": 2.0,

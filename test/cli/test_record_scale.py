@@ -10,8 +10,8 @@ import pytest
 from pages import read_page
 
 from shake_ros import __main__ as shake_ros
-from shake_ros.data.accelerograms import read_accelerogram
-from shake_ros.data.reference_file import build_program
+from shake_ros.recordings.accelerograms import read_accelerogram
+from shake_ros.recordings.reference_file import build_program
 
 
 def main(arguments: list[str]) -> int:

@@ -9,7 +9,7 @@ import pytest
 
 import shake_ros as sr
 from shake_ros.__main__ import main
-from shake_ros.data.recordings import write_table_recording
+from shake_ros.recordings.bags import write_table_recording
 
 
 @pytest.fixture

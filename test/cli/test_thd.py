@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from shake_ros import __main__ as shake_ros
-from shake_ros.data.recordings import write_table_recording
+from shake_ros.recordings.bags import write_table_recording
 
 
 def main(arguments: list[str]) -> int:

@@ -15,14 +15,14 @@ import shake_ros as sr
 from shake_ros.__main__ import main
 from shake_ros.commissioning.commission import Commission
 from shake_ros.commissioning.steps import HELD, interlock_of, load_commission
-from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.observer import OBSERVERS
-from shake_ros.core.quantities import ShakeError
-from shake_ros.core.reference.motion import Envelope
-from shake_ros.core.safety.causes import InterlockParameters
-from shake_ros.data.recordings import TableRecording
-from shake_ros.data.reference_file import build_program
+from shake_ros.control.laws import CONTROLLERS
+from shake_ros.control.observer import OBSERVERS
+from shake_ros.control.reference.motion import Envelope
 from shake_ros.experiment_design.next_recording import NextRecording
+from shake_ros.quantities import ShakeError
+from shake_ros.recordings.bags import TableRecording
+from shake_ros.recordings.reference_file import build_program
+from shake_ros.safety.causes import InterlockParameters
 from shake_ros.settings import config_folder, load_interlock, load_table, load_variant
 
 SOFT = {"bulk_modulus.modulus": 7e8}

@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 
 import shake_ros as sr
-from shake_ros.core.discovery.problem import ScoredFit, linearised
-from shake_ros.core.identification.fit import Fit
-from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.recording_problem import RecordingProblem
-from shake_ros.core.identification.recordings import FULL
-from shake_ros.core.quantities import ShakeError
-from shake_ros.core.reference.motion import Envelope, envelope
+from shake_ros.control.reference.motion import Envelope, envelope
 from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.experiment_design.design import ENOUGH, HARDLY, Designer, possible_effects
 from shake_ros.experiment_design.further_sensors import further_sensors, lacking
 from shake_ros.experiment_design.motions import library
 from shake_ros.experiment_design.next_recording import WITHIN, NextRecording, may_lack, next_recording, remedies
-from shake_ros.search.rival_models import RivalModel
+from shake_ros.fit.free_parameters import FreeParameters
+from shake_ros.fit.least_squares import Fit
+from shake_ros.fit.recording_problem import RecordingProblem
+from shake_ros.fit.records import FULL
+from shake_ros.quantities import ShakeError
+from shake_ros.repair.rival_models import RivalModel
+from shake_ros.search.problem import ScoredFit, linearised
 from shake_ros.settings import load_interlock
 
 MOVED = ("friction.viscous", "friction.coulomb_level", "bulk_modulus.modulus")

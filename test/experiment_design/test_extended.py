@@ -5,14 +5,14 @@ import pytest
 
 import shake_ros as sr
 from shake_ros.api.close_loop import _halves
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.plant.axis import AXIS_LAYOUT
-from shake_ros.core.quantities import ShakeError
-from shake_ros.core.reference.motion import Envelope
+from shake_ros.control.reference.motion import Envelope
 from shake_ros.experiment_design import next_recording as designs
 from shake_ros.experiment_design.design import PredictedExcitation, Separation
 from shake_ros.experiment_design.motions import library
 from shake_ros.experiment_design.next_recording import NextRecording, decide, next_recording
+from shake_ros.fit.records import Record
+from shake_ros.physics.plant.axis import AXIS_LAYOUT
+from shake_ros.quantities import ShakeError
 
 NUMBERS = {"mass": 10.0, "viscous": 20.0, "coulomb": 5.0, "offset": 0.0}
 

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 import shake_ros as sr
-from shake_ros.core.identification.recording_problem import RecordingProblem
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.velocity_filter import filtered_velocity
-from shake_ros.core.plant.states import BASE_RATE, POSITION, SPECIMEN_RATE, VELOCITY
-from shake_ros.core.plant.table import Table
 from shake_ros.experiment_design.further_sensors import SIGNALS, WithSensors
+from shake_ros.fit.recording_problem import RecordingProblem
+from shake_ros.fit.records import Record
+from shake_ros.physics.plant.states import BASE_RATE, POSITION, SPECIMEN_RATE, VELOCITY
+from shake_ros.physics.plant.table import Table
+from shake_ros.signals.velocity_filter import filtered_velocity
 
 DT, COUNT = 1e-3, 2000
 SPECIMEN = {"mass": 80.0, "frequency": 9.0, "damping": 0.05}

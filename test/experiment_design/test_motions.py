@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
 
-from shake_ros.core.quantities import ShakeError
-from shake_ros.core.reference.motion import Envelope, peaks
+from shake_ros.control.reference.motion import Envelope, peaks
 from shake_ros.experiment_design.motions import SHAPES, library
+from shake_ros.quantities import ShakeError
 
 LIMITS = Envelope(0.05, 0.4, 6.0)
 DT = 1e-3

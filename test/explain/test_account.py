@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from shake_ros.core.identification.equal_commands import repeated_and_different, repeats
 from shake_ros.explain.account import Account, Left, accounts, together, verdict
+from shake_ros.fit.nuisances.equal_commands import repeated_and_different, repeats
 
 DT, SECONDS = 2e-3, 24.0
 N = round(SECONDS / DT)

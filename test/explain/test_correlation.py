@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from shake_ros.core.quantities import ShakeError
 from shake_ros.explain.command_filter import coherent_mean_square
 from shake_ros.explain.correlation import residual_test
+from shake_ros.quantities import ShakeError
 
 N = 6000
 DT = 1e-3

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from closed_loops import named
 
-from shake_ros.core.effects import PLACES
-from shake_ros.core.identification.recording_problem import RecordingProblem
 from shake_ros.explain.dependence import band_share, explained_share, remaining, without_single
+from shake_ros.fit.recording_problem import RecordingProblem
+from shake_ros.physics.effects import PLACES
 
 GROUPS = 24
 X = np.linspace(-1.0, 1.0, 24000)

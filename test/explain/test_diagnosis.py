@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shake_ros.core.identification.fit import fit
-from shake_ros.core.identification.free_parameters import FreeParameters, free_parameter
-from shake_ros.core.identification.recording_problem import RecordingProblem
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.plant.simulation import run
 from shake_ros.explain.account import Account
 from shake_ros.explain.diagnosis import Diagnosis, diagnose
+from shake_ros.fit.free_parameters import FreeParameters, free_parameter
+from shake_ros.fit.least_squares import fit
+from shake_ros.fit.recording_problem import RecordingProblem
+from shake_ros.fit.records import Record
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.physics.plant.simulation import run
 from shake_ros.settings import load_table
 
 TABLE = load_table("bergamo").with_values({"friction.coulomb_level": 400.0})

@@ -9,14 +9,14 @@ import pytest
 
 from benchmarks.discovery import hidden_tables as hidden
 from benchmarks.discovery.latent_force import declared_table, relative_error, true_force
-from shake_ros.core.identification.axis_model import AXIS
-from shake_ros.core.identification.explained_band import limited
-from shake_ros.core.identification.recordings import FULL, Record
-from shake_ros.core.identification.reduced_model import REDUCED
-from shake_ros.core.plant.axis import AXIS_LAYOUT, AxisParameters
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.plant.reduced import REDUCED_LAYOUT, ReducedParameters
 from shake_ros.explain.latent_force import LatentForce, latent_force
+from shake_ros.fit.axis_model import AXIS
+from shake_ros.fit.nuisances.explained_band import limited
+from shake_ros.fit.records import FULL, Record
+from shake_ros.fit.reduced_model import REDUCED
+from shake_ros.physics.plant.axis import AXIS_LAYOUT, AxisParameters
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.physics.plant.reduced import REDUCED_LAYOUT, ReducedParameters
 from shake_ros.settings import load_search
 
 SETTINGS = load_search()

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from benchmarks.discovery import hidden_tables as hidden
-from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.models import MODELS
-from shake_ros.core.identification.recording_problem import RecordingProblem
-from shake_ros.core.identification.recordings import Record
 from shake_ros.declared import model_structure
 from shake_ros.explain.prediction import HORIZONS, RATES, Innovations, innovations
+from shake_ros.fit.free_parameters import FreeParameters
+from shake_ros.fit.models import MODELS
+from shake_ros.fit.recording_problem import RecordingProblem
+from shake_ros.fit.records import Record
 from shake_ros.settings import load_table
 
 FORCE = 100.0  # [N rms]

@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 from hidden_table import OWN, SAMPLE_TIME, TRUE, record
 
-from shake_ros.core.identification.data_checks import usable_pressures
-from shake_ros.core.identification.recording_problem import RecordingProblem
-from shake_ros.core.identification.recordings import FULL, Record
-from shake_ros.core.identification.unknown_model import UnknownModel
-from shake_ros.core.plant.parameters import TableParameters
 from shake_ros.fit.likelihood import Levels
 from shake_ros.fit.model import TABLE, start_of
 from shake_ros.fit.prediction import Predictor
+from shake_ros.fit.recording_problem import RecordingProblem
+from shake_ros.fit.records import FULL, Record
 from shake_ros.fit.segment import Segment
+from shake_ros.fit.start.data_checks import usable_pressures
+from shake_ros.fit.start.unknown_model import UnknownModel
+from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.settings import load_table
 
 QUIET = Levels(force=1e-3, null=1e-6, null_drift=1e-7, bias=1e-6, bias_drift=1e-7)

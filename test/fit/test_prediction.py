@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from hidden_table import SAMPLE_TIME, TRUE, record
 
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.plant.simulation import run
 from shake_ros.declared import free_parameters
 from shake_ros.fit import prediction
 from shake_ros.fit.likelihood import Levels
 from shake_ros.fit.model import start_of
 from shake_ros.fit.prediction import Predictor, between
+from shake_ros.fit.records import Record
 from shake_ros.fit.segment import Segment
+from shake_ros.physics.plant.simulation import run
 from shake_ros.settings import load_table
 
 TABLE = load_table("bergamo").with_values({"body.specimen_mass": 200.0, **TRUE})

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hidden_table import TRUE, record
 
-from shake_ros.core.identification.explained_band import limited
-from shake_ros.core.identification.recording_problem import CALM, RecordingProblem
-from shake_ros.core.identification.recordings import FULL, Compared, Record
 from shake_ros.fit.likelihood import FreeRuns, Levels, ShakenRuns
+from shake_ros.fit.nuisances.explained_band import limited
+from shake_ros.fit.recording_problem import CALM, RecordingProblem
+from shake_ros.fit.records import FULL, Compared, Record
 from shake_ros.settings import load_table
 
 TABLE = load_table("bergamo").with_values(TRUE)

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from hidden_table import SAMPLE_TIME, TRUE, Hidden, record
 
-from shake_ros.core.identification.free_parameters import FreeParameter
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.plant.parameters import FULL_LAYOUT
 from shake_ros.declared import free_parameters
+from shake_ros.fit.free_parameters import FreeParameter
 from shake_ros.fit.likelihood import Levels, Likelihood
 from shake_ros.fit.model import FreeModel, start_of
 from shake_ros.fit.prediction import Predictor
+from shake_ros.fit.records import Record
 from shake_ros.fit.segment import Segment, pieces
 from shake_ros.fit.solver import Budget, descend, fit
+from shake_ros.physics.plant.parameters import FULL_LAYOUT
 from shake_ros.settings import load_table
 
 LEVELS = Levels(force=3.0, null=1e-6, null_drift=1e-6, bias=1e-6, bias_drift=1e-7)

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from shake_ros.core.control import harmonic_cancellation
-from shake_ros.core.packing import numbers
-from shake_ros.core.quantities import ShakeError
-from shake_ros.core.reference.baseline import states_from_rest
+from shake_ros.control.laws import harmonic_cancellation
+from shake_ros.control.reference.baseline import states_from_rest
 from shake_ros.iteration import drive as iteration
+from shake_ros.packing import numbers
+from shake_ros.quantities import ShakeError
 from shake_ros.settings import find, read_yaml
 
 DT = 0.001

@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.control.runner import Controller
-from shake_ros.core.identification.free_parameters import FreeParameters
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.loop.compiled import Loop, simulate
-from shake_ros.core.observer import OBSERVERS
-from shake_ros.core.observer.runner import Observer
-from shake_ros.core.plant.parameters import TableParameters
-from shake_ros.core.quantities import ShakeError
+from shake_ros.control.laws import CONTROLLERS
+from shake_ros.control.laws.runner import Controller
+from shake_ros.control.observer import OBSERVERS
+from shake_ros.control.observer.runner import Observer
+from shake_ros.control.simulation import Loop, simulate
 from shake_ros.declared import effect_candidates, free_parameters
+from shake_ros.fit.free_parameters import FreeParameters
+from shake_ros.fit.records import Record
 from shake_ros.iteration.drive import Iteration, iterate_model, refit, starts
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.quantities import ShakeError
 from shake_ros.settings import find, load_table, load_variant, read_yaml
 
 DT = 0.001

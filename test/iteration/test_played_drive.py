@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shake_ros.core.quantities import ShakeError
-from shake_ros.core.reference.baseline import states_from_rest
-from shake_ros.data.reference_file import build_program, write_drive
+from shake_ros.control.reference.baseline import states_from_rest
 from shake_ros.iteration.drive import faded_to_rest
+from shake_ros.quantities import ShakeError
+from shake_ros.recordings.reference_file import build_program, write_drive
 
 DT = 0.001
 

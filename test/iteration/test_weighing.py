@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shake_ros.core.plant.simulation import run
-from shake_ros.core.quantities import ShakeError
 from shake_ros.iteration.table import weigh
+from shake_ros.physics.plant.simulation import run
+from shake_ros.quantities import ShakeError
 from shake_ros.settings import load_table
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shake_ros.core.analysis.thd import harmonics
 from shake_ros.measured.harmonics import HarmonicAccount, HarmonicProblem, HarmonicRun, account
 from shake_ros.settings import find, load_table, read_yaml
+from shake_ros.signals.thd import harmonics
 
 VECTOR = load_table("bergamo").vector()
 

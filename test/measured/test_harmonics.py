@@ -6,8 +6,8 @@ import hidden_table
 import numpy as np
 import pytest
 
-from shake_ros.core.quantities import ShakeError
 from shake_ros.measured.harmonics import HarmonicProblem, HarmonicRun, amplitudes, sine_command, whole_periods
+from shake_ros.quantities import ShakeError
 from shake_ros.settings import load_table
 
 RUN = HarmonicRun(0.3, 2.0, {5: 0.29, 1: 2.35, 3: 0.24})

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shake_ros.core.identification.fit import Fit, fit
-from shake_ros.core.identification.free_parameters import FreeParameters, free_parameter
+from shake_ros.fit.free_parameters import FreeParameters, free_parameter
+from shake_ros.fit.least_squares import Fit, fit
 from shake_ros.measured import models
 from shake_ros.measured.harmonics import HarmonicProblem, HarmonicRun
 from shake_ros.measured.models import left_out, predicted

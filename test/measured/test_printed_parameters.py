@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import yaml
 
-from shake_ros.core.bulk_modulus.ifas import mixture
-from shake_ros.core.effects.hydraulics import factor
 from shake_ros.measured.harmonics import HarmonicProblem, HarmonicRun, PrintedParameters, account
+from shake_ros.physics.bulk_modulus.ifas import mixture
+from shake_ros.physics.effects.hydraulics import factor
 from shake_ros.settings import find, load_table, read_yaml
 
 COLUMNS = {k: PrintedParameters.from_mapping(v, k) for k, v in read_yaml(find("measured", "printed")).items()}

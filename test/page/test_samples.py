@@ -101,7 +101,7 @@ def test_model_follows_the_command_as_its_own_simulation_does_and_survives_a_gap
     table = load_table("bergamo")
     time = np.arange(1500) * 0.001
     command = (0.1 * np.sin(2 * np.pi * 2 * time)).astype(np.float32)
-    from shake_ros.core.plant.simulation import run
+    from shake_ros.physics.plant.simulation import run
 
     truth = run(table, command.astype(float), 0.001)
     follows = Prediction(0.001, table)

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shake_ros.core.analysis.response_spectrum import response_spectrum
 from shake_ros.qualification import motion as motions
 from shake_ros.qualification.motion import MotionParameters, corrected_drive, frequencies_to_match, synthesise
 from shake_ros.qualification.required import RequiredSpectrum
 from shake_ros.settings import load_table
+from shake_ros.signals.response_spectrum import response_spectrum
 
 STEP, AIM = 0.004, 1.1
 SHORT = MotionParameters(

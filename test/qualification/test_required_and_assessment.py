@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shake_ros.core.analysis.response_spectrum import response_spectrum
-from shake_ros.core.quantities import ShakeError
-from shake_ros.core.reference.baseline import states_from_rest
+from shake_ros.control.reference.baseline import states_from_rest
 from shake_ros.qualification.asked import load_rules, load_settings
 from shake_ros.qualification.assessment import arias_times, assess, longest_run, strong_part
 from shake_ros.qualification.motion import check_sampling, demand, refusal, synthesise
 from shake_ros.qualification.required import GRAVITY, Ac156, load_required, required_from
+from shake_ros.quantities import ShakeError
 from shake_ros.settings import load_table
+from shake_ros.signals.response_spectrum import response_spectrum
 
 STEP = 0.001
 USER: dict[str, Any] = {

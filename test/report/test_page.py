@@ -15,17 +15,17 @@ from closed_loops import command
 from hidden_table import SAMPLE_TIME
 from pages import Reader, read_page
 
-from shake_ros.core.discovery.closed_form import LearntFunction, fitted_forms
-from shake_ros.core.discovery.verdict import EffectVerdict
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.identification.uncertainty import Estimate
-from shake_ros.data.results import found_effect
+from shake_ros.fit.records import Record
+from shake_ros.fit.uncertainty import Estimate
 from shake_ros.report import charts_fit, text
 from shake_ros.report.chart import Chart, ChartSeries, Panel, packed, save_figures, static_figure
 from shake_ros.report.close_loop_page import effect_text, found_section, model_sections
 from shake_ros.report.page import LARGEST, Bar, Page, Source
+from shake_ros.report.report_json import found_effect
 from shake_ros.report.sections import hydraulic_table
 from shake_ros.report.text import estimate_text, unit_of
+from shake_ros.search.closed_form import LearntFunction, fitted_forms
+from shake_ros.search.verdict import EffectVerdict
 
 NOON = datetime(2026, 1, 2, 12, 0, tzinfo=timezone.utc)
 

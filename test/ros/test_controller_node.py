@@ -15,10 +15,10 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 
-from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.control.runner import Controller, switch
-from shake_ros.core.plant.table import Table
-from shake_ros.core.quantities import ShakeError
+from shake_ros.control.laws import CONTROLLERS
+from shake_ros.control.laws.runner import Controller, switch
+from shake_ros.physics.plant.table import Table
+from shake_ros.quantities import ShakeError
 from shake_ros.ros import interface
 from shake_ros.ros.controller_node import ControllerNode, build
 from shake_ros.ros.conversions import SECOND

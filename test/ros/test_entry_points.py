@@ -9,8 +9,8 @@ import sys
 import pytest
 
 from shake_ros import __main__ as entry
-from shake_ros.core.quantities import ShakeError
 from shake_ros.entry_points import ENTRY_POINTS, NODES
+from shake_ros.quantities import ShakeError
 
 
 def test_without_a_name_every_entry_is_listed_with_a_line(capsys) -> None:

@@ -8,8 +8,8 @@ import pytest
 from every_node import built
 from node_process import NodeProcess
 
-from shake_ros.core.quantities import ShakeError
 from shake_ros.entry_points import NODES
+from shake_ros.quantities import ShakeError
 from shake_ros.ros.loop import ros_context
 
 WRITERS = {

@@ -20,7 +20,7 @@ from std_srvs.srv import Trigger
 from benchmarks.realtime.driver import Driver
 from benchmarks.realtime.emulated_target import emulated_target
 from benchmarks.realtime.listener import Listener
-from shake_ros.core.quantities import ShakeError
+from shake_ros.quantities import ShakeError
 from shake_ros.ros.conversions import codec
 from shake_ros.ros.faults_node import build, parse_topics
 from shake_ros.ros.graph import Graph, NodeSpec

@@ -13,7 +13,7 @@ import rclpy
 from every_node import built
 from websockets.sync import client
 
-from shake_ros.core.quantities import ShakeError
+from shake_ros.quantities import ShakeError
 from shake_ros.ros import interface
 from shake_ros.ros.conversions import SECOND, codec
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import shake_ros.ros.graph
-from shake_ros.core.quantities import UnknownName
+from shake_ros.quantities import UnknownName
 from shake_ros.ros.graph import Graph, GraphError, NodeSpec, awaited
 from shake_ros.ros.interface import TOPICS
 

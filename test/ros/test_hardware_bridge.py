@@ -13,7 +13,7 @@ from machine_time import on_a_machine_that_keeps_time
 from benchmarks.realtime.driver import Driver
 from benchmarks.realtime.emulated_target import emulated_target
 from benchmarks.realtime.listener import Listener
-from shake_ros.core.quantities import ShakeError
+from shake_ros.quantities import ShakeError
 from shake_ros.ros.graph import Graph, NodeSpec
 from shake_ros.ros.hardware_bridge_node import build
 from shake_ros.ros.loop import build_node, ros_context

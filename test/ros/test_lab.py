@@ -12,8 +12,8 @@ from lab_process import LAB, QUICK, ROOT, Started
 from machine_time import on_a_machine_that_keeps_time
 
 from benchmarks.realtime.emulated_target import emulated_target
-from shake_ros.core.quantities import ShakeError
-from shake_ros.data.recordings import read_table_recording
+from shake_ros.quantities import ShakeError
+from shake_ros.recordings.bags import read_table_recording
 from shake_ros.ros import lab
 from shake_ros.settings import config_folder
 

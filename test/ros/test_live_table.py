@@ -12,20 +12,20 @@ from shake_ros.__main__ import main
 from shake_ros.api.close_loop import _halves
 from shake_ros.api.live_table import InterlockHeldError, LiveLaboratory, write_loop
 from shake_ros.cli import repair
-from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.failures import Failures
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.observer import OBSERVERS
-from shake_ros.core.quantities import ShakeError
-from shake_ros.core.reference.baseline import states_from_rest
-from shake_ros.core.reference.motion import Envelope
-from shake_ros.core.safety.causes import InterlockParameters
+from shake_ros.control.laws import CONTROLLERS
+from shake_ros.control.observer import OBSERVERS
+from shake_ros.control.reference.baseline import states_from_rest
+from shake_ros.control.reference.motion import Envelope
 from shake_ros.experiment_design import next_recording as designs
 from shake_ros.experiment_design.design import PredictedExcitation, Separation
 from shake_ros.experiment_design.motions import Excitation
 from shake_ros.experiment_design.next_recording import NextRecording
+from shake_ros.failures import Failures
+from shake_ros.fit.records import Record
+from shake_ros.quantities import ShakeError
 from shake_ros.ros.interface import VALVE_COMMAND
 from shake_ros.ros.live_table import live_table
+from shake_ros.safety.causes import InterlockParameters
 from shake_ros.settings import load_table, load_variant
 
 DT = 0.001

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from shake_ros.core.safety.causes import ACTIONS, CAUSES
 from shake_ros.ros.interface import SERVICES, TOPICS
+from shake_ros.safety.causes import ACTIONS, CAUSES
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "msg_docs"

@@ -11,8 +11,8 @@ import pytest
 import yaml
 from every_node import built
 
-from shake_ros.core.quantities import UnknownName
 from shake_ros.entry_points import NODES
+from shake_ros.quantities import UnknownName
 from shake_ros.ros.frame import Behaviour
 from shake_ros.ros.loop import ros_context
 

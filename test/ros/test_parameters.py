@@ -9,12 +9,12 @@ import pytest
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.observer import OBSERVERS
-from shake_ros.core.quantities import Parameters, ShakeError, UnknownName, choice, quantity
-from shake_ros.data.reference_file import load_reference
+from shake_ros.control.laws import CONTROLLERS
+from shake_ros.control.observer import OBSERVERS
 from shake_ros.entry_points import NODES
+from shake_ros.quantities import Parameters, ShakeError, UnknownName, choice, quantity
 from shake_ros.realtime import RealtimeParameters
+from shake_ros.recordings.reference_file import load_reference
 from shake_ros.ros.controller_node import ControllerNodeParameters
 from shake_ros.ros.frame import LoopParameters
 from shake_ros.ros.loop import ros_context

@@ -10,8 +10,8 @@ from machine_time import on_a_machine_that_keeps_time
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
 
-from shake_ros.core.quantities import ShakeError
-from shake_ros.data.recordings import write_table_recording
+from shake_ros.quantities import ShakeError
+from shake_ros.recordings.bags import write_table_recording
 from shake_ros.ros import interface, player_node
 from shake_ros.ros.loop import build_node, ros_context
 

@@ -19,10 +19,10 @@ import pytest
 
 from benchmarks.realtime.listener import Listener
 from shake_ros import realtime
-from shake_ros.core.quantities import ShakeError
-from shake_ros.data.recordings import write_table_recording
 from shake_ros.entry_points import NODES
+from shake_ros.quantities import ShakeError
 from shake_ros.realtime import RealtimeParameters
+from shake_ros.recordings.bags import write_table_recording
 from shake_ros.ros.graph import Graph, NodeSpec
 
 PRIORITY, PROCESSOR = 42, min(os.sched_getaffinity(0))

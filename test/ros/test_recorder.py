@@ -12,8 +12,8 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosbags.highlevel import AnyReader
 from std_msgs.msg import String
 
-from shake_ros.core.quantities import ShakeError
-from shake_ros.data.recordings import read_table_recording
+from shake_ros.quantities import ShakeError
+from shake_ros.recordings.bags import read_table_recording
 from shake_ros.ros import interface, recorder_node
 from shake_ros.ros.conversions import SECOND, codec
 from shake_ros.ros.loop import build_node, ros_context

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.observer import OBSERVERS
+from shake_ros.control.laws import CONTROLLERS
+from shake_ros.control.observer import OBSERVERS
 from shake_ros.ros.graph import Graph, NodeSpec
 from shake_ros.ros.graph_client import LiveGraph
 from shake_ros.ros.loop import ros_context

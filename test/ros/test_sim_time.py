@@ -9,7 +9,7 @@ import pytest
 from every_node import built
 from rclpy.executors import SingleThreadedExecutor
 
-from shake_ros.core.quantities import ShakeError
+from shake_ros.quantities import ShakeError
 from shake_ros.ros import interface
 from shake_ros.ros.conversions import SECOND, time_message
 from shake_ros.ros.frame import Frame

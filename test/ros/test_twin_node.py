@@ -13,9 +13,9 @@ from rclpy.node import Node
 
 import shake_ros as sr
 from benchmarks.discovery import hidden_tables as hidden
-from shake_ros.data.recordings import write_table_recording
 from shake_ros.page.library import Library
 from shake_ros.page.samples import Prediction, SampleStore
+from shake_ros.recordings.bags import write_table_recording
 from shake_ros.ros import interface
 from shake_ros.ros.frame import Frame
 from shake_ros.ros.loop import ros_context

@@ -20,7 +20,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from shake_ros.data.recordings.writer import BagWriter
+from shake_ros.recordings.bags.writer import BagWriter
 from shake_ros.ros.conversions import codec
 from shake_ros.ros.interface import IMU, JOINT_STATES
 

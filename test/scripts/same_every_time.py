@@ -20,13 +20,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from stepped_loop import simulate_closed_loop
 
 from benchmarks.realtime.listener import SAMPLED, Listener
-from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.control.closed_loop import ClosedLoop
-from shake_ros.core.control.runner import Controller
-from shake_ros.core.observer import OBSERVERS
-from shake_ros.core.observer.runner import Observer
-from shake_ros.core.plant.table import Table
-from shake_ros.data.reference_file import build_program
+from shake_ros.control.closed_loop import ClosedLoop
+from shake_ros.control.laws import CONTROLLERS
+from shake_ros.control.laws.runner import Controller
+from shake_ros.control.observer import OBSERVERS
+from shake_ros.control.observer.runner import Observer
+from shake_ros.physics.plant.table import Table
+from shake_ros.recordings.reference_file import build_program
 from shake_ros.ros.graph import Graph, NodeSpec, run_composed
 from shake_ros.settings import load_table, load_variant
 

@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shake_ros.core.discovery.candidates import CandidateEffect
-from shake_ros.core.discovery.elimination import absent_on
-from shake_ros.core.discovery.given_answer import better_beginning
-from shake_ros.core.discovery.problem import ModelStructure
-from shake_ros.core.discovery.unlisted_functions import OF_MOTION
-from shake_ros.core.identification.free_parameters import FreeParameters
 from shake_ros.declared import effect_candidates, free_parameters
+from shake_ros.fit.free_parameters import FreeParameters
 from shake_ros.search.answer import effects_tried
+from shake_ros.search.candidate_effects import CandidateEffect
 from shake_ros.search.candidates import function, listed
+from shake_ros.search.elimination import absent_on
+from shake_ros.search.given_answer import better_beginning
+from shake_ros.search.problem import ModelStructure
+from shake_ros.search.unlisted_functions import OF_MOTION
 from shake_ros.settings import load_table
 
 

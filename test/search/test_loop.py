@@ -11,11 +11,11 @@ import pytest
 from hidden_table import SAMPLE_TIME, Hidden, record
 
 from benchmarks.discovery import hidden_tables
-from shake_ros.core.identification.recordings import Record
 from shake_ros.declared import effect_candidates, model_structure
 from shake_ros.fit.likelihood import Levels
 from shake_ros.fit.model import start_of
 from shake_ros.fit.prediction import Predictor
+from shake_ros.fit.records import Record
 from shake_ros.fit.segment import Segment, pieces
 from shake_ros.fit.solver import Budget
 from shake_ros.search.answer import DECLARED, answer

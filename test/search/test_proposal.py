@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shake_ros.core.identification.free_parameters import FreeParameter
+from shake_ros.fit.free_parameters import FreeParameter
 from shake_ros.fit.model import TriedEffect
 from shake_ros.search.proposal import EffectTrial, Linearised, evaluate, proposals
 

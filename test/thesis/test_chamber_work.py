@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.integrate import dblquad, simpson
 
-from shake_ros.core.plant.parameters import records
-from shake_ros.core.plant.right_hand_side import active_states, right_hand_side
-from shake_ros.core.plant.simulation import initial_state, run
-from shake_ros.core.plant.states import CONTINUOUS, PRESSURE_A, PRESSURE_B, VELOCITY
+from shake_ros.physics.plant.parameters import records
+from shake_ros.physics.plant.right_hand_side import active_states, right_hand_side
+from shake_ros.physics.plant.simulation import initial_state, run
+from shake_ros.physics.plant.states import CONTINUOUS, PRESSURE_A, PRESSURE_B, VELOCITY
 from shake_ros.settings import load_table
 from shake_ros.thesis.bulk_modulus import compliance, work_of_cycle
 

@@ -7,8 +7,8 @@ import pytest
 
 pytest.importorskip("matplotlib")
 
-from shake_ros.core.effects import EFFECTS
-from shake_ros.core.valve import VALVES, valve_response
+from shake_ros.physics.effects import EFFECTS
+from shake_ros.physics.valve import VALVES, valve_response
 from shake_ros.settings import load_table, load_variant
 from shake_ros.thesis import figures, figures_laws
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shake_ros.core.quantities import ShakeError
+from shake_ros.quantities import ShakeError
 from shake_ros.thesis import network as of_network
 from shake_ros.thesis.network import HIDDEN, Split, first_network, radial_basis, train
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from shake_ros.core.identification.recordings import Record
+from shake_ros.fit.records import Record
 from shake_ros.thesis.network import SeedResult, Split, Training, first_network
 from shake_ros.thesis.schedule import (
     ScheduleComparison,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from named_changes import LEAKAGE, change
 
-from shake_ros.core.identification.recordings import Record
+from shake_ros.fit.records import Record
 from shake_ros.twin.change import KnownState, NormalSquare, alarm, threshold, windows_since
 from shake_ros.twin.evidence import WindowEvidence
 

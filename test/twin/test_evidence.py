@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from benchmarks.discovery import hidden_tables as hidden
-from shake_ros.core.identification.recordings import Record
-from shake_ros.core.plant.parameters import FULL_LAYOUT
 from shake_ros.fit.likelihood import Levels
 from shake_ros.fit.model import FreeModel, start_of
 from shake_ros.fit.prediction import Predictor
+from shake_ros.fit.records import Record
 from shake_ros.fit.segment import Segment
 from shake_ros.fit.solver import prior_residuals
+from shake_ros.physics.plant.parameters import FULL_LAYOUT
 from shake_ros.settings import load_table
 from shake_ros.twin.change import KnownState
 from shake_ros.twin.evidence import FORCES, MASS, MOVED_MASS, QUIET, ScaledPredictor, scale_free, segment_of

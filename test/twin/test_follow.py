@@ -11,7 +11,7 @@ import pytest
 
 import shake_ros as sr
 from benchmarks.discovery import hidden_tables as hidden
-from shake_ros.core.quantities import ShakeError
+from shake_ros.quantities import ShakeError
 from shake_ros.settings import load_table
 from shake_ros.twin.follow import Following, follow
 from shake_ros.twin.followed import TwinSettings, load_twin

@@ -12,7 +12,7 @@ import pytest
 
 import shake_ros as sr
 from benchmarks.discovery import hidden_tables as hidden
-from shake_ros.data.recordings import write_table_recording
+from shake_ros.recordings.bags import write_table_recording
 from shake_ros.settings import load_table
 from shake_ros.twin.follow import follow
 from shake_ros.twin.followed import load_twin

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from benchmarks.twin import release as benchmark
-from shake_ros.core.control import CONTROLLERS
-from shake_ros.core.observer import OBSERVERS
-from shake_ros.core.plant.parameters import DELAY
-from shake_ros.core.plant.reduced import closed_form
+from shake_ros.control.laws import CONTROLLERS
+from shake_ros.control.observer import OBSERVERS
+from shake_ros.physics.plant.parameters import DELAY
+from shake_ros.physics.plant.reduced import closed_form
 from shake_ros.settings import load_table, load_variant
 from shake_ros.twin.followed import load_twin
 from shake_ros.twin.release import CLEAR, Release, for_table

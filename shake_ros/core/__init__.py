@@ -1,1 +1,0 @@
-"""Physics and mathematics: numpy, scipy and numba only; no ROS, no files, no plotting, no clock."""

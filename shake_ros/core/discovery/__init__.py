@@ -1,1 +1,0 @@
-"""The missing effect: residual → screening → refit → choice → what remains."""

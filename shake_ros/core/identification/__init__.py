@@ -1,1 +1,0 @@
-"""Parameters from recordings: free-running simulation error, trust-region fits, uncertainty."""

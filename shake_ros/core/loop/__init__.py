@@ -1,1 +1,0 @@
-"""The closed loop as one compiled function, what it is judged by, and the tables on which it is judged."""

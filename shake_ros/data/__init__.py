@@ -1,1 +1,0 @@
-"""Recordings and accelerograms → arrays with units and provenance; results → files."""

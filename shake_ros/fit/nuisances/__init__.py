@@ -1,0 +1,1 @@
+"""What differs from recording to recording and is not the table's: offsets, sensors, glitches, noise."""

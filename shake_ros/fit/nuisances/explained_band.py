@@ -1,0 +1,113 @@
+"""The band in which the command explains the response, and what no filter of the command explains in it.
+
+Noise in the valve, friction that catches and rings the oil column, and play shake a laboratory's table by as much as a
+small earthquake does. Its phase is nobody's doing: a free run cannot have it. Where much of the acceleration's power
+lies above the frequency from which it is no longer coherent with the command, a run is compared below that alone, and
+should be calm above; what a linear filter of the command leaves below counts as noise. Little of what a nonlinear table
+does lies beyond: what its nonlinearity adds to a wide command is partly coherent with it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.signal import csd, welch
+
+from shake_ros.fit.records import ExplainedBand, Record
+from shake_ros.signals.velocity_filter import low_pass
+
+SEGMENT, FEWEST = 4.0, 8  # length of the spectra's segments, in which a lightly damped mode rings out [s]; least number
+INDEPENDENT = 0.6  # part of the segments, which overlap by half
+COHERENT = 0.15  # part of the acceleration's power in a band, below which the command explains nothing there
+MUCH = 0.1  # part of its whole power that lies above at least
+LOWEST, PER_OCTAVE = 2.0, 3  # bands that are looked at [Hz]
+MEMORY = 1.0  # of a filter [s]
+PER_PERIOD = 2.5  # coefficients of a filter in a period of the highest frequency
+
+
+def explained_band(records: Sequence[Record]) -> float:
+    """The frequency above which the command explains nothing of a good part of the acceleration [Hz]; else infinite."""
+    if any(r.acceleration is None for r in records):
+        return math.inf
+    highest = 0.5 / max(r.sample_time for r in records)
+    edges = np.geomspace(LOWEST, highest, round(PER_OCTAVE * math.log2(highest / LOWEST)) + 1)
+    whole, explained = np.mean([_shares(r, edges) for r in records], axis=0)
+    above = np.cumsum(whole[::-1])[::-1]
+    beyond = (explained < COHERENT * whole) & (above > MUCH)
+    return float(edges[np.argmax(beyond)]) if beyond.any() else math.inf
+
+
+def _shares(record: Record, edges: np.ndarray) -> np.ndarray:
+    """Acceleration by band beyond its sensor's noise, and what is coherent with the command, of all, shape (2, m)."""
+    u, felt, rate = record.commands[record.start :], _felt(record), 1.0 / record.sample_time
+    n = min(round(SEGMENT * rate), len(u) // FEWEST)
+    lines, of_command = welch(u, rate, nperseg=n)
+    power = welch(felt, rate, nperseg=n)[1]
+    cross = csd(u, felt, rate, nperseg=n)[1]
+    chance = 1.0 / (INDEPENDENT * (2 * len(u) // n - 1))
+    coherence = np.abs(cross) ** 2 / np.maximum(of_command * power, 1e-300)
+    coherence = np.maximum(coherence - chance, 0.0) / (1.0 - chance)
+    above_noise = np.maximum(power - 2.0 * record.acceleration_noise() ** 2 / rate, 0.0)
+    inside = (lines[:, None] >= edges[:-1]) & (lines[:, None] < edges[1:])
+    return np.asarray(np.array([above_noise, coherence * above_noise]) @ inside / power.sum())
+
+
+def limited(records: Sequence[Record], band: float, learnt: Sequence[Record] = ()) -> list[Record]:
+    """The recordings, compared below a frequency [Hz] alone; what the command does not explain there is their noise.
+
+    The noise is what is left by the linear filter that explains most of the other recordings: a filter fitted to the
+    recording itself would explain chance as well.
+
+    Parameters
+    ----------
+    learnt : recordings to which such filters are fitted; a recording without others has its own.
+    """
+    equations = [_Normal.of(r, band) for r in learnt]
+    found = []
+    for r in records:
+        own = _Normal.of(r, band)
+        others = [n for n in equations if n.run != r.run and n.right.shape == own.right.shape] or [own]
+        square, right = np.sum([n.square for n in others], axis=0), np.sum([n.right for n in others], axis=0)
+        left = own.signals - own.terms @ np.linalg.lstsq(square, right, rcond=None)[0]
+        levels = np.minimum(np.std(left, axis=0), np.std(own.signals, axis=0))  # another motion's filter may not fit
+        beyond = float(np.std(_felt(r) - own.signals[:, 1]))
+        found.append(replace(r, explained=ExplainedBand(band, beyond, *levels.tolist())))
+    return found
+
+
+@dataclass(frozen=True)
+class _Normal:
+    """What a recording tells of its filters below a frequency.
+
+    signals : velocity [m/s], acceleration [m/s²] and, if measured, load pressure [Pa], shape (n, m). terms : the
+    command at each lag, shape (n, lags). Both about their means.
+    square, right : normal equations, shapes (lags, lags) and (lags, m).
+    """
+
+    run: int
+    signals: np.ndarray
+    terms: np.ndarray
+    square: np.ndarray
+    right: np.ndarray
+
+    @classmethod
+    def of(cls, record: Record, band: float) -> _Normal:
+        """That of a recording from its `start` on."""
+        step = max(round(1.0 / (PER_PERIOD * band * record.sample_time)), 1)
+        lags, n = np.arange(0, round(MEMORY / record.sample_time), step), len(record.commands)
+        u = np.concatenate([np.full(lags[-1], record.command_before), record.commands])
+        u = low_pass(u, record.sample_time, band)
+        terms = np.column_stack([u[lags[-1] - k : lags[-1] - k + n] for k in lags])[record.start :]
+        load = () if record.pressure is None else (record.pressure[record.start :],)
+        signals = np.stack([record.velocity[record.start :], _felt(record), *load])
+        signals = low_pass(signals, record.sample_time, band).T
+        terms, signals = terms - terms.mean(axis=0), signals - signals.mean(axis=0)
+        return cls(record.run, signals, terms, terms.T @ terms, terms.T @ signals)
+
+
+def _felt(record: Record) -> np.ndarray:
+    assert record.acceleration is not None
+    return np.where(record.whole, record.acceleration, 0.0)[record.start :]

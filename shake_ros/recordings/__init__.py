@@ -1,0 +1,1 @@
+"""Recordings, tables and accelerograms → arrays with units and provenance."""

@@ -1,0 +1,135 @@
+"""Decision: the odds of one model against another, and which effects may stand for the one that explains most.
+
+All verdicts rest on this one number. A difference of two models counts over what the better one leaves, as far as no
+block of the validation data speaks against it, and no more than on the data of the fit; for a verdict only beyond what
+no model explains, since whatever makes that may make the difference as well.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from shake_ros.search.candidate_effects import CandidateEffect
+from shake_ros.search.problem import ScoredFit, SearchProblem
+
+PRIOR = math.log(30.0)  # nats against an effect: about so many are tried
+MOST = 1e6  # odds that are reported
+
+
+@dataclass(frozen=True)
+class Refit:
+    """A candidate refitted together with all free parameters. predicted_gain : relative fall that was foreseen."""
+
+    candidate: CandidateEffect
+    result: ScoredFit
+    predicted_gain: float
+
+    @property
+    def score(self) -> float:
+        """Of its fit."""
+        return self.result.score
+
+    @property
+    def usual(self) -> bool:
+        """Whether its fitted values are such as are met on real tables."""
+        table = self.result.fit.table
+        return all(low <= table.value(name) <= high for name, (low, high) in self.candidate.usual.items())
+
+
+def ranked(refits: Iterable[Refit]) -> tuple[Refit, ...]:
+    """Refits, the best score first."""
+    return tuple(sorted(refits, key=lambda r: r.score))
+
+
+@dataclass(frozen=True)
+class ForwardStep:
+    """One added effect with the ranking it won and the alternatives that are indistinguishable from it."""
+
+    chosen: Refit
+    ranking: tuple[Refit, ...]
+    alternatives: tuple[str, ...] = ()
+
+
+def tempered(gain: float, variance: float) -> float:
+    """Gain in log likelihood that its variance lets count [nats].
+
+    For models that are right the variance of the gain is twice its mean; where it is larger by a factor, the gain
+    counts less by that factor.
+
+    >>> tempered(100.0, 200.0), tempered(-100.0, 2000.0)
+    (100.0, -10.0)
+    """
+    return math.copysign(min(abs(gain), 2.0 * gain * gain / max(variance, 1e-9)), gain)
+
+
+def contradicted(gains: np.ndarray) -> float:
+    """Variance of a gain by the blocks that speak against it [nats²].
+
+    That the others differ is no scatter: an earthquake is loud for a few seconds.
+
+    >>> contradicted(np.array([100.0, 1.0, 0.0])), contradicted(np.array([100.0, -10.0]))
+    (0.0, 200.0)
+    """
+    against = np.minimum(gains * np.sign(np.sum(gains)), 0.0)
+    return 2.0 * float(against @ against)
+
+
+def price(effects: int, parameters: int, blocks: int) -> float:
+    """What so many effects and parameters have to gain on data of so many blocks of time [nats]."""
+    return effects * PRIOR + 0.5 * parameters * math.log(10 * blocks)
+
+
+def unexplained(problem: SearchProblem, model: ScoredFit) -> float:
+    """Validation cost that a model leaves beyond what may be noise [-]."""
+    return max(model.validation_cost - problem.settings.remaining_above**2 * problem.validation.noise_cost(), 0.0)
+
+
+def log_odds(problem: SearchProblem, model: ScoredFit, other: ScoredFit, effects: int = 0, left: float = 0.0) -> float:
+    """Log odds of a model against another one [nats].
+
+    Parameters
+    ----------
+    effects : that it has in addition. left : cost that no model explains, beyond which its gain counts [-].
+    """
+
+    def variance(cost: float, noise: float) -> float:
+        """Of a weighted residual: at least that of the noise, which has 1."""
+        return max(cost / noise, 1.0)
+
+    blocks = model.validation_blocks
+    samples = float(np.sum(blocks)) / max(model.validation_cost, 1e-300)
+    fitted = len(model.fit.residuals) * (other.estimation_cost - model.estimation_cost - left)
+    fitted /= 2.0 * variance(model.estimation_cost, problem.estimation.noise_cost())
+    gains = other.validation_blocks - blocks - left * samples / len(blocks)
+    gains /= 2.0 * variance(model.validation_cost, problem.validation.noise_cost())
+    more = len(model.fit.x) - len(other.fit.x)
+    gain = tempered(float(np.sum(gains)), contradicted(gains))
+    return min(gain, fitted) - price(effects, more, len(blocks))
+
+
+def odds_of(gain: float) -> float:
+    """Odds of log odds, up to 10⁶.
+
+    >>> odds_of(0.0), odds_of(50.0)
+    (1.0, 1000000.0)
+    """
+    return min(math.exp(min(gain, 20.0)), MOST)
+
+
+def decide(problem: SearchProblem, ranking: Sequence[Refit]) -> ForwardStep:
+    """The best refit, with those that are indistinguishable from it; of these the best with usual values is named.
+
+    Parameters
+    ----------
+    ranking : refits, the best first.
+    """
+    best, sure = ranking[0].result, math.log(problem.settings.sure)
+    left = unexplained(problem, best)
+    alike = [r for r in ranking if r is ranking[0] or log_odds(problem, best, r.result, left=left) < sure]
+    chosen = next((r for r in alike if r.usual), alike[0])
+    ranking = (chosen, *(r for r in ranking if r is not chosen))
+    return ForwardStep(chosen, ranking, tuple(r.candidate.effect for r in alike if r is not chosen))

@@ -1,0 +1,75 @@
+"""How sure each effect is, on residuals linear in the strengths of two effects."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from linear_effects import FIRST, NOISE, SECOND, Hidden, fitted, problem_of, step
+
+from shake_ros.fit.time_budget import within_budget
+from shake_ros.search.problem import SearchProblem
+from shake_ros.search.selection import Selection
+from shake_ros.search.verdict import ESTABLISHED, LIKELY, EffectVerdict, with_verdicts
+
+
+class Unexplained(Hidden):
+    """The same with much that neither effect explains."""
+
+    def residuals(self, vectors: np.ndarray) -> np.ndarray:
+        return super().residuals(vectors) + 10.0 * np.roll(NOISE, 1)
+
+
+def found_in(problem: SearchProblem) -> Selection:
+    """A search that has added both effects."""
+    steps = (step(problem, FIRST), step(problem, FIRST, SECOND))
+    return Selection(fitted(problem), steps, steps[-1].chosen.result)
+
+
+def verdicts(hidden: Hidden, *, late: bool = False) -> tuple[dict[str, EffectVerdict], tuple[str, ...]]:
+    """How each effect stands that stays, and those that leave the model; late: the time is over."""
+    problem = problem_of(hidden)
+    found = found_in(problem)
+    with within_budget(lambda: late):
+        kept, told, dropped = with_verdicts(problem, found)
+    assert [s.chosen.candidate.effect for s in kept.steps] == [s.effect for s in told]
+    return {s.effect: s for s in told}, tuple(s.effect for s in dropped)
+
+
+def states(hidden: Hidden, *, late: bool = False) -> tuple[dict[str, str], tuple[str, ...]]:
+    """The state alone of each effect that stays, and those that leave the model."""
+    told, dropped = verdicts(hidden, late=late)
+    return {name: s.state for name, s in told.items()}, dropped
+
+
+def test_two_effects_that_are_needed_at_the_noise_are_established() -> None:
+    assert states(Hidden(1.0, 2.0)) == ({FIRST.effect: ESTABLISHED, SECOND.effect: ESTABLISHED}, ())
+
+
+def test_where_the_time_is_over_nothing_is_established() -> None:
+    assert states(Hidden(1.0, 2.0), late=True) == ({FIRST.effect: LIKELY, SECOND.effect: LIKELY}, ())
+
+
+def test_a_verdict_without_time_says_so() -> None:
+    told, _ = verdicts(Hidden(1.0, 2.0), late=True)
+    assert {s.reason for s in told.values()} == {"not fully assessed: the time budget ended"}
+
+
+@pytest.mark.parametrize(
+    ("shown", "expected", "dropped"),
+    [
+        ((), {SECOND.effect: LIKELY}, (FIRST.effect,)),
+        ((FIRST.effect,), {FIRST.effect: LIKELY, SECOND.effect: LIKELY}, ()),
+    ],
+)
+def test_what_shows_without_a_model_stays_however_much_is_unexplained(
+    shown: tuple[str, ...], expected: dict[str, str], dropped: tuple[str, ...]
+) -> None:
+    problem = problem_of(Unexplained(0.5, 3.0))
+    _, told, left = with_verdicts(problem, found_in(problem), shown)
+    assert ({s.effect: s.state for s in told}, tuple(s.effect for s in left)) == (expected, dropped)
+
+
+def test_what_shows_without_a_model_leaves_where_the_model_does_as_well_without_it() -> None:
+    problem = problem_of(Unexplained(0.0, 3.0))
+    _, _, left = with_verdicts(problem, found_in(problem), (FIRST.effect,))
+    assert [s.effect for s in left] == [FIRST.effect]
