@@ -1,4 +1,4 @@
-"""What a declared model takes from config/: its table, the parameters a fit may move, the effects it may lack.
+"""The declared models, and what they take from config/: table, parameters a fit may move, effects they may lack.
 
 A table's file may give a number as exact, as `{value: …, sd: …}` (a prior of the fit) or as `unknown`; with any of the
 latter two it is one for the model `unknown`.
@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from shake_ros.explain import experiments
+from shake_ros.fit.axis_model import AXIS
 from shake_ros.fit.free_parameters import FreeParameter, free_parameter, null_shifts_of
 from shake_ros.fit.nuisances.prepared import Prepared
 from shake_ros.fit.records import FULL, DeclaredModel
@@ -24,6 +25,7 @@ from shake_ros.search.problem import ModelStructure
 from shake_ros.search.search_settings import SearchSettings
 from shake_ros.settings import find, load_search, load_table, read_yaml, table_of
 
+MODELS: dict[str, DeclaredModel] = {model.name: model for model in (FULL, REDUCED, AXIS)}
 DEFAULT_TABLE = "bergamo"
 
 

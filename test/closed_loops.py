@@ -26,10 +26,9 @@ from shake_ros.api.tune_table import tune_table
 from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.failures import RAISING
 from shake_ros.fit.free_parameters import FreeParameters
-from shake_ros.fit.least_squares import Fit, fit
+from shake_ros.fit.least_squares import Fit, fit, never
 from shake_ros.fit.recording_problem import RecordingProblem
 from shake_ros.fit.records import Record
-from shake_ros.fit.time_budget import never
 from shake_ros.recordings.bags import write_table_recording
 from shake_ros.repair import close_loop as closing
 from shake_ros.repair.close_loop import LoopClosure

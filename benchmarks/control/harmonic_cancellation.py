@@ -17,14 +17,13 @@ from pathlib import Path
 
 import numpy as np
 
-from shake_ros.control.closed_loop import ClosedLoop
+from shake_ros.control.closed_loop import ClosedLoop, Loop, run_batch
 from shake_ros.control.laws import CONTROLLERS
 from shake_ros.control.laws.harmonic_cancellation import HarmonicCancellation
 from shake_ros.control.laws.runner import Controller
 from shake_ros.control.metrics import distortion
 from shake_ros.control.observer import OBSERVERS
 from shake_ros.control.observer.runner import Observer
-from shake_ros.control.simulation import Loop, run_batch
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.settings import find, load_table, load_variant, read_yaml
 from shake_ros.signals.thd import harmonics

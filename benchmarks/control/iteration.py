@@ -21,13 +21,12 @@ from pathlib import Path
 import numpy as np
 
 from shake_ros.api.live_table import OwnLoop, own_loop
-from shake_ros.control.closed_loop import ClosedLoop
+from shake_ros.control.closed_loop import ClosedLoop, Loop, simulate
 from shake_ros.control.laws import CONTROLLERS
 from shake_ros.control.laws.runner import Controller
 from shake_ros.control.metrics import spectrum_of
 from shake_ros.control.observer import OBSERVERS
 from shake_ros.control.observer.runner import Observer
-from shake_ros.control.simulation import Loop, simulate
 from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.fit.records import Record
 from shake_ros.iteration.drive import Iteration, iterate, iterate_model, refit

@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.compiled import njit
-from shake_ros.control.closed_loop import normalised_error
+from shake_ros.control.closed_loop import Loop, normalised_error, simulate
 from shake_ros.control.laws import CONTROLLERS
 from shake_ros.control.laws.runner import Controller
 from shake_ros.control.observer import OBSERVERS
@@ -40,7 +40,6 @@ from shake_ros.control.observer.robust_exact_differentiator import GAINS, worst_
 from shake_ros.control.observer.runner import Observer
 from shake_ros.control.observer.sliding_mode import SlidingModeObserver
 from shake_ros.control.reference.program import Program
-from shake_ros.control.simulation import Loop, simulate
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.quantities import ShakeError
 from shake_ros.recordings.reference_file import build_program, load_reference, make_program

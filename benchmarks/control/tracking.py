@@ -13,11 +13,11 @@ import argparse
 import time
 from pathlib import Path
 
+from shake_ros.control.closed_loop import Loop, run_batch
 from shake_ros.control.laws import CONTROLLERS
 from shake_ros.control.laws.runner import Controller
 from shake_ros.control.observer import OBSERVERS
 from shake_ros.control.observer.runner import Observer
-from shake_ros.control.simulation import Loop, run_batch
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.recordings.reference_file import build_program
 from shake_ros.settings import load_table, load_variant

@@ -29,7 +29,7 @@ from shake_ros.fit.least_squares import Fit, fit
 from shake_ros.fit.nuisances.equal_commands import FreeAndPredictor, process_noise
 from shake_ros.fit.recording_problem import RecordingProblem
 from shake_ros.fit.records import Record
-from shake_ros.fit.start.approach import INJECTION, approached
+from shake_ros.fit.start.narrow_valleys import INJECTION, approached
 from shake_ros.repair.close_loop import close_loop
 from shake_ros.settings import load_search, load_table
 

@@ -22,12 +22,11 @@ import numpy as np
 import yaml
 
 from benchmarks.realtime.listener import Listener
-from shake_ros.control.closed_loop import normalised_error
+from shake_ros.control.closed_loop import Loop, normalised_error, simulate
 from shake_ros.control.laws import CONTROLLERS
 from shake_ros.control.laws.runner import Controller
 from shake_ros.control.observer import OBSERVERS
 from shake_ros.control.observer.runner import Observer
-from shake_ros.control.simulation import Loop, simulate
 from shake_ros.recordings.reference_file import build_program
 from shake_ros.ros.graph import Graph, NodeSpec
 from shake_ros.ros.interface import DIAGNOSTICS

@@ -31,8 +31,7 @@ from shake_ros.fit.uncertainty import Estimate, known_covariance
 from shake_ros.physics.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.quantities import ShakeError
 from shake_ros.repair import close_loop as closing
-from shake_ros.repair.close_loop import LoopClosure
-from shake_ros.repair.continued import continued
+from shake_ros.repair.close_loop import LoopClosure, continued
 from shake_ros.repair.rival_models import RivalModel, problem_of, rival_models
 from shake_ros.report.chart import static_figure
 from shake_ros.report.close_loop_page import (

@@ -13,13 +13,11 @@ import numpy as np
 
 from shake_ros.api.loops import Combination, Course, Setup, combinations, load_setup
 from shake_ros.api.progress import Progress, ProgressOption
-from shake_ros.control.closed_loop import ClosedLoop
+from shake_ros.control.closed_loop import ClosedLoop, Loop, run_batch
 from shake_ros.control.metrics import MEANINGS, UNITS, Outcome, Summary, by_load, judge, summarise
-from shake_ros.control.simulation import Loop, run_batch
 from shake_ros.quantities import unknown_name
 from shake_ros.report.chart import COLOURS, Array, Chart, ChartSeries, Panel, static_figure
-from shake_ros.report.page import Bar, Page
-from shake_ros.report.result import Result
+from shake_ros.report.page import Bar, Page, Result
 from shake_ros.report.result_table import fixed, percent
 
 if TYPE_CHECKING:

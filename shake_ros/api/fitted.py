@@ -18,22 +18,21 @@ from typing import Any
 from shake_ros.api.model import Model
 from shake_ros.api.read import Recordings
 from shake_ros.explain.latent_force import LatentForce
-from shake_ros.fit.axis_model import AXIS, forecast_errors
+from shake_ros.fit.axis_model import AXIS, forecast_errors, with_slow_changes
 from shake_ros.fit.identified import identified
 from shake_ros.fit.nuisances.estimates import NuisanceEstimates, estimated_null_shifts
 from shake_ros.fit.nuisances.prepared import Prepared
 from shake_ros.fit.nuisances.sensor_filter import filter_of
 from shake_ros.fit.recording_problem import RecordingProblem
 from shake_ros.fit.records import Record
-from shake_ros.fit.slow_changes import with_slow_changes
-from shake_ros.fit.start.late_command import earlier
+from shake_ros.fit.start.linear_table import earlier
 from shake_ros.fit.uncertainty import Estimate
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.quantities import ShakeError, unknown_name
 from shake_ros.recordings.bags import TableRecording
 from shake_ros.repair.close_loop import LoopClosure
+from shake_ros.report.page import Result
 from shake_ros.report.report_json import FoundEffect
-from shake_ros.report.result import Result
 from shake_ros.report.result_table import ResultTable
 from shake_ros.report.text import force_table, nuisance_table, parameter_table, slow_change_table
 from shake_ros.search.declared_fit import FittedModel

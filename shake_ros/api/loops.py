@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shake_ros.control.closed_loop import Loop
 from shake_ros.control.laws import CONTROLLERS
 from shake_ros.control.laws.runner import Controller
 from shake_ros.control.metrics import Judged, spectrum_of
 from shake_ros.control.observer import OBSERVERS
 from shake_ros.control.observer.runner import Observer
-from shake_ros.control.simulation import Loop
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.quantities import Parameters, ShakeError, quantity, strict_keys, unknown_name
 from shake_ros.recordings.reference_file import Reference, load_reference, make_program

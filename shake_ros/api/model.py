@@ -10,19 +10,18 @@ import numpy as np
 
 from shake_ros.api.read import Recordings
 from shake_ros.declared import (
+    MODELS,
     declared_table,
     effect_candidates,
     free_parameters,
     leaves_open,
     unknown_model,
 )
-from shake_ros.fit.axis_model import AXIS
-from shake_ros.fit.models import MODELS
+from shake_ros.fit.axis_model import AXIS, with_slow_changes
 from shake_ros.fit.nuisances.prepared import Prepared, prepared
 from shake_ros.fit.records import DeclaredModel, Record
-from shake_ros.fit.slow_changes import with_slow_changes
 from shake_ros.fit.start.data_checks import contradictions, usable_pressures, within_stroke
-from shake_ros.fit.start.late_command import in_time
+from shake_ros.fit.start.linear_table import in_time
 from shake_ros.fit.start.stages import StartingPoint, staged_start
 from shake_ros.fit.start.unknown_model import NAME as UNKNOWN
 from shake_ros.fit.start.unknown_model import UnknownModel

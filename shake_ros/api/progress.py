@@ -21,7 +21,7 @@ from types import TracebackType
 from tqdm import tqdm as plain
 from tqdm.auto import tqdm
 
-from shake_ros.fit.time_budget import within_budget
+from shake_ros.fit.least_squares import within_budget
 from shake_ros.quantities import ShakeError
 from shake_ros.search.problem import Stopped
 

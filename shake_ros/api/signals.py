@@ -15,8 +15,7 @@ from shake_ros.api.read import Source, naming, one_recording
 from shake_ros.quantities import ShakeError, unknown_name
 from shake_ros.recordings.bags import TableRecording
 from shake_ros.report.chart import COLOURS, GREY, Chart, ChartSeries, Panel, new_figure, static_figure, tidy
-from shake_ros.report.page import Page
-from shake_ros.report.result import Result
+from shake_ros.report.page import Page, Result
 from shake_ros.report.result_table import ResultTable
 from shake_ros.signals.frequency_response import COHERENT, FrequencyResponse
 from shake_ros.signals.frequency_response import frequency_response as estimate

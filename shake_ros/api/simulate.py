@@ -14,15 +14,14 @@ from shake_ros.api.model import Model
 from shake_ros.api.read import Recordings
 from shake_ros.api.response_spectrum import ResponseSpectrum, response_spectrum
 from shake_ros.api.signals import Distortion, thd
-from shake_ros.control.closed_loop import normalised_error
+from shake_ros.control.closed_loop import Loop, normalised_error
+from shake_ros.control.closed_loop import simulate as run_loop
 from shake_ros.control.laws import CONTROLLERS
 from shake_ros.control.laws.law import LawParameters
 from shake_ros.control.laws.runner import Controller, refuse_another_instant
 from shake_ros.control.observer import OBSERVERS
 from shake_ros.control.observer.law import ObserverParameters
 from shake_ros.control.observer.runner import Observer
-from shake_ros.control.simulation import Loop
-from shake_ros.control.simulation import simulate as run_loop
 from shake_ros.physics.plant import axis, reduced_simulation, simulation
 from shake_ros.physics.plant.axis import AXIS_LAYOUT
 from shake_ros.physics.plant.parameters import FULL_LAYOUT, TableParameters

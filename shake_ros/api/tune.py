@@ -12,11 +12,10 @@ from shake_ros.api.loops import MODELS, Combination, Course, Setup, load_setup, 
 from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.api.tune_table import text_of, tune_table
 from shake_ros.control import closed_loop
-from shake_ros.control.closed_loop import ClosedLoop
+from shake_ros.control.closed_loop import ClosedLoop, Loop, run_batch
 from shake_ros.control.laws import CONTROLLERS
 from shake_ros.control.laws.law import LawParameters
 from shake_ros.control.laws.runner import Controller
-from shake_ros.control.simulation import Loop, run_batch
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.quantities import ShakeError, unknown_name
 from shake_ros.result_folder import refuse_existing, writing

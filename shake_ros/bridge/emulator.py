@@ -37,11 +37,10 @@ from shake_ros.physics.plant.states import SPOOL
 from shake_ros.physics.plant.table import Measurement
 from shake_ros.quantities import Parameters, ShakeError, choice, quantity, unknown_name
 from shake_ros.realtime import ANY, SECOND, Durations, LastSecond, RealtimeParameters, ask_for, hold_collector
-from shake_ros.safety.causes import NUMBERS, InterlockParameters
+from shake_ros.safety.causes import NUMBERS, OFF, RUN, InterlockParameters
 from shake_ros.safety.faults import MACHINE_FAULTS
 from shake_ros.safety.interlock import Interlock
 from shake_ros.safety.machine import Machine, PowerUnitParameters
-from shake_ros.safety.stages import OFF, RUN
 from shake_ros.settings import find, load_interlock, load_table, read_yaml
 
 # fault → unit of its value, "" where it has none

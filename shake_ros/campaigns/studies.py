@@ -12,8 +12,8 @@ from typing import Any
 
 from shake_ros.api.loops import Combination, Course, Setup, combinations, load_setup
 from shake_ros.api.tune import tune
+from shake_ros.control.closed_loop import run_batch
 from shake_ros.control.metrics import judge
-from shake_ros.control.simulation import run_batch
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.quantities import unknown_name
 

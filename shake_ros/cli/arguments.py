@@ -19,15 +19,14 @@ from shake_ros.api.live_table import LiveTable
 from shake_ros.api.model import Model, model
 from shake_ros.api.progress import FOLLOWED
 from shake_ros.api.read import Recordings, read
-from shake_ros.declared import DEFAULT_TABLE
+from shake_ros.declared import DEFAULT_TABLE, MODELS
 from shake_ros.entry_points import ENTRY_POINTS
-from shake_ros.fit.models import MODELS
 from shake_ros.fit.start.unknown_model import NAME as UNKNOWN
 from shake_ros.page.jobs import RELEASE
 from shake_ros.quantities import ShakeError
 from shake_ros.recordings.bags.bag import SUFFIXES
 from shake_ros.report.chart import FORMATS
-from shake_ros.report.result import Result
+from shake_ros.report.page import Result
 from shake_ros.result_folder import check_folder
 
 CHOSEN = ("joint", "publishers", "covariance", "clock")  # kinds of findings on what was read in place of what

@@ -31,8 +31,8 @@ from shake_ros.cli.arguments import (
     reporting,
     taken,
 )
+from shake_ros.declared import MODELS
 from shake_ros.experiment_design.next_recording import NextRecording, decide, next_recording
-from shake_ros.fit.models import MODELS
 from shake_ros.fit.start.unknown_model import NAME as UNKNOWN
 from shake_ros.page.jobs import RECORDED
 from shake_ros.physics.plant.parameters import FULL_LAYOUT

@@ -43,8 +43,7 @@ from shake_ros.quantities import ShakeError
 from shake_ros.recordings.bags import TableRecording
 from shake_ros.recordings.reference_file import build_program
 from shake_ros.report.chart import Chart, ChartSeries, Panel
-from shake_ros.report.page import Page
-from shake_ros.report.result import Result
+from shake_ros.report.page import Page, Result
 from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.safety.causes import InterlockParameters
 from shake_ros.settings import load_table, save_table

@@ -22,7 +22,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.control.closed_loop import ClosedLoop
+from shake_ros.control.closed_loop import ClosedLoop, Loop, run_batch, simulate
 from shake_ros.control.laws.law import Hold, LawParameters
 from shake_ros.control.laws.runner import Controller
 from shake_ros.control.laws.virtual_table import VirtualTable
@@ -32,7 +32,6 @@ from shake_ros.control.observer.linear import LinearObserver
 from shake_ros.control.observer.model import ModelObserver
 from shake_ros.control.observer.runner import Observer
 from shake_ros.control.robust import DAMPINGS, JERKS, Design, RobustSettings, Search
-from shake_ros.control.simulation import Loop, run_batch, simulate
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.quantities import Parameters, ShakeError
 

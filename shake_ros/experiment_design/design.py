@@ -30,15 +30,13 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.control.closed_loop import ClosedLoop
+from shake_ros.control.closed_loop import ClosedLoop, Loop, simulate
 from shake_ros.control.laws.feedforward_pi import FeedforwardPI
 from shake_ros.control.laws.runner import Controller
 from shake_ros.control.reference.motion import Envelope, envelope
-from shake_ros.control.simulation import Loop, simulate
 from shake_ros.experiment_design.further_sensors import FurtherSensor, WithSensors
 from shake_ros.experiment_design.motions import Excitation
-from shake_ros.explain.experiments import PAYLOAD
-from shake_ros.explain.identifiability import widening
+from shake_ros.explain.experiments import PAYLOAD, widening
 from shake_ros.fit.free_parameters import FreeParameters
 from shake_ros.fit.least_squares import LOST, Adjustment, Fit, jacobian
 from shake_ros.fit.recording_problem import RecordingProblem

@@ -21,8 +21,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.explain.command_filter import Driven, coherent_mean_square, driven, fitted_filter, taken
-from shake_ros.explain.correlation import LAGS, ResidualTest, residual_test
+from shake_ros.explain.residual_tests import (
+    LAGS,
+    Driven,
+    ResidualTest,
+    coherent_mean_square,
+    driven,
+    fitted_filter,
+    residual_test,
+    taken,
+)
 from shake_ros.fit.nuisances.equal_commands import repeated_and_different, repeats, sensor_noise
 from shake_ros.fit.recording_problem import RecordingProblem
 from shake_ros.signals.velocity_filter import samples_apart

@@ -8,8 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from shake_ros.explain.account import Account, accounts, residuals_left
-from shake_ros.explain.experiments import Candidate, RecordingBenefit, advice, benefits
-from shake_ros.explain.identifiability import Identifiability, identifiability
+from shake_ros.explain.experiments import (
+    Candidate,
+    Identifiability,
+    RecordingBenefit,
+    advice,
+    benefits,
+    identifiability,
+)
 from shake_ros.explain.prediction import Innovations, innovations
 from shake_ros.fit.least_squares import Fit, jacobian
 from shake_ros.fit.recording_problem import RecordingProblem

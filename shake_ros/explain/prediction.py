@@ -4,7 +4,7 @@ A free run carries along what no command tells (process noise), a predictor forg
 plant/integration.py). Where the model is right and nothing but the command drives the table, a predictor only lets
 sensor noise in: each error is held against what sensor noise alone makes of the same run, which a run of the model
 itself with noise added shows. Process noise makes a predictor run err less than that; a model that lacks something does
-so too, so a predictor alone shows no process noise: equal commands do (equal_commands.py).
+so too, so a predictor alone shows no process noise: equal commands do (fit/nuisances/equal_commands.py).
 
 The measured velocity has passed a zero-phase filter and looks some 10 ms ahead: horizons below that are flattered.
 """

@@ -3,10 +3,17 @@
 The problem gives weighted residuals for many parameter sets at once (so that all cores work); differences are forward,
 inward at a bound, with a step of a small part of each parameter's scale, and corrected from step to step as long as
 they foresee what comes. Loss (4.1), Gauss–Newton normal matrix (4.10).
+
+Fits end where they are once the time budget is over, or once someone has interrupted the search. A fit asks between its
+trial points, once it has a Jacobian. The budget belongs to a context, so that one search does not end the fits of
+another in the same process.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -14,8 +21,31 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from shake_ros.fit.free_parameters import FreeParameters
-from shake_ros.fit.time_budget import time_is_over
 from shake_ros.physics.plant.parameters import TableParameters
+
+
+def never() -> bool:
+    """Fits go on to their end."""
+    return False
+
+
+_OVER: ContextVar[Callable[[], bool]] = ContextVar("over", default=never)
+
+
+def time_is_over() -> bool:
+    """Whether the time budget of this context is over."""
+    return _OVER.get()()
+
+
+@contextmanager
+def within_budget(over: Callable[[], bool]) -> Iterator[None]:
+    """Fits within end where they are once `over` says so."""
+    token = _OVER.set(over)
+    try:
+        yield
+    finally:
+        _OVER.reset(token)
+
 
 DIFFERENCE = 2e-3  # difference step as a part of a parameter's scale or of its value, whichever is larger
 SMALL_DIFFERENCE = 2e-4  # the same of a smooth problem

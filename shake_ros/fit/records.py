@@ -49,7 +49,7 @@ MOTION, CHAMBERS = (1, 2), (COLUMNS.index("pressure_a"), COLUMNS.index("pressure
 
 @dataclass(frozen=True)
 class ExplainedBand:
-    """Where the command explains the response, see explained_band.py.
+    """Where the command explains the response, see nuisances/explained_band.py.
 
     highest : frequency of it [Hz]. beyond : standard deviation of the acceleration above [m/s²].
     velocity, acceleration, pressure : of what it leaves of them there [m/s], [m/s²], [Pa].
@@ -74,7 +74,7 @@ class Record:
         None: all. calmest : noise of the acceleration at most, where a model has shown it [m/s²]. shift : null shift of
         the valve that models have added to the commands [-]. run : number of the recording, of those that are learned
         from and then those held out. own : what a force-driven axis takes from this recording
-        for itself, see slow_changes.py. explained : where the command explains the response; None: everywhere.
+        for itself, see axis_model.py. explained : where the command explains the response; None: everywhere.
         past : velocity before the first sample, by which friction's film has built up, shape (k,) [m/s].
     """
 

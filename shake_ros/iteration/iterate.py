@@ -32,8 +32,7 @@ from shake_ros.recordings.bags import TableRecording
 from shake_ros.recordings.reference_file import build_program, write_drive
 from shake_ros.repair.close_loop import close_loop
 from shake_ros.report.chart import Chart, ChartSeries, Panel, static_figure
-from shake_ros.report.page import Page
-from shake_ros.report.result import Result
+from shake_ros.report.page import Page, Result
 from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.search.search_settings import SearchSettings
 from shake_ros.search.unlisted_functions import UNLISTED

@@ -22,11 +22,10 @@ from numpy.typing import NDArray
 from shake_ros.api.live_table import OWN, OwnLoop, own_loop
 from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.api.simulate import controller_of, observer_of
-from shake_ros.control.closed_loop import ClosedLoop
+from shake_ros.control.closed_loop import ClosedLoop, Loop, simulate
 from shake_ros.control.laws.runner import Controller
 from shake_ros.control.metrics import spectrum_of
 from shake_ros.control.observer.runner import Observer
-from shake_ros.control.simulation import Loop, simulate
 from shake_ros.fit.records import Record
 from shake_ros.iteration.drive import Iteration, error_in_band
 from shake_ros.physics.plant.parameters import FULL_LAYOUT, TableParameters

@@ -19,8 +19,7 @@ from shake_ros.measured.page import harmonics_chart, measured_page, shown
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.quantities import ShakeError, unknown_name
 from shake_ros.report.chart import static_figure
-from shake_ros.report.page import Page
-from shake_ros.report.result import Result
+from shake_ros.report.page import Page, Result
 from shake_ros.report.result_table import ResultTable
 from shake_ros.settings import find, load_table, read_yaml, save_table
 

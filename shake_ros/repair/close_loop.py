@@ -1,4 +1,7 @@
-"""Closing the loop with measured data: declared fit, search for the missing effects, what remains; one result."""
+"""Closing the loop with measured data: declared fit, search for the missing effects, what remains; one result.
+
+A search goes on where it stopped, on more recordings (`continued`): it begins with the effects found, at their values.
+"""
 
 from __future__ import annotations
 
@@ -11,21 +14,20 @@ import numpy as np
 from shake_ros.explain.dependence import UNKNOWN, Remaining, remaining
 from shake_ros.explain.latent_force import LatentForce, latent_forces
 from shake_ros.failures import RAISING, Failures
+from shake_ros.fit.least_squares import never, time_is_over, within_budget
 from shake_ros.fit.nuisances.estimates import NuisanceEstimates, estimated_null_shifts, without_null_shifts
 from shake_ros.fit.records import FULL, DeclaredModel, Record
 from shake_ros.fit.solver import Budget
 from shake_ros.fit.start.backlash import BACKLASH, shows_backlash
-from shake_ros.fit.time_budget import never, time_is_over, within_budget
 from shake_ros.search.answer import answer
 from shake_ros.search.closed_form import LearntFunction, learnt_function
 from shake_ros.search.decision import ForwardStep
 from shake_ros.search.declared_fit import FittedModel, fitted_model, unassessed_model
-from shake_ros.search.given_answer import GivenAnswer, better_beginning, selection_of
 from shake_ros.search.problem import ModelStructure, Progress, ScoredFit, SearchProblem, Stopped, linearised, unstopped
 from shake_ros.search.refined_nodes import refined_function
 from shake_ros.search.search_settings import SearchSettings
 from shake_ros.search.second_quantities import function_of_two, with_second_quantity
-from shake_ros.search.selection import Selection
+from shake_ros.search.selection import GivenAnswer, Selection, better_beginning, selection_of
 from shake_ros.search.unlisted_functions import best_function, leaves_far_less, near_noise
 from shake_ros.search.verdict import EffectVerdict, with_verdicts
 
@@ -247,3 +249,28 @@ def on_whole(problem: SearchProblem, found: Selection, estimation: Sequence[Reco
     """Problem and models on all estimation data: the final model fitted to them, those before it as they are."""
     whole = problem.on_whole(estimation).with_nuisances(found.nuisances)
     return whole, found.on(lambda m: m, whole.converged_again)
+
+
+def continued(
+    model: ModelStructure,
+    before: LoopClosure,
+    estimation: Sequence[Record],
+    validation: Sequence[Record],
+    settings: SearchSettings,
+    progress: Progress,
+    deadline_passed: Callable[[], bool] = never,
+    failures: Failures = RAISING,
+) -> LoopClosure:
+    """The result of a search on more recordings.
+
+    Parameters
+    ----------
+    model : declared model with its free parameters and the effects that it may lack.
+    before : result on fewer recordings.
+    estimation, validation : all recordings, the new ones too.
+    settings, progress, deadline_passed, failures : as of `close_loop`.
+    """
+    found = [step.chosen.candidate.effect for step in before.search.steps]
+    table = before.search.final.fit.table
+    begin = replace(model, table=table.without(found), fitted=table, shown=tuple(found))
+    return close_loop(begin, estimation, validation, settings, progress, deadline_passed, failures)

@@ -16,8 +16,7 @@ from shake_ros.fit.records import Record
 from shake_ros.fit.uncertainty import of_table
 from shake_ros.repair.close_loop import LoopClosure
 from shake_ros.search.candidate_effects import CandidateEffect
-from shake_ros.search.decision import ForwardStep, Refit
-from shake_ros.search.elimination import in_its_place, rivals, without
+from shake_ros.search.decision import ForwardStep, Refit, in_its_place, rivals, without
 from shake_ros.search.problem import ModelStructure, ScoredFit, SearchProblem, side_by_side
 from shake_ros.search.search_settings import SearchSettings
 from shake_ros.search.verdict import ESTABLISHED, ONE_OF_THESE, EffectVerdict

@@ -2,6 +2,7 @@
 
 `Page.render` makes one self-contained HTML page of it, to read and to zoom without a network; `Page.text` the lines of
 a terminal. `write_page` puts the page into a result folder, with static copies of its charts where they are wanted.
+`Result` is what a verb found, for whoever asks: numbers for programs, a page for a reader, its text for a terminal.
 """
 
 from __future__ import annotations
@@ -11,12 +12,13 @@ import html
 import itertools
 import json
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -25,6 +27,7 @@ from shake_ros.failures import RAISING, Failures
 from shake_ros.report.chart import Chart, chart_json
 from shake_ros.report.result_table import ResultTable, aligned
 from shake_ros.report.text import sentence
+from shake_ros.result_folder import new_folder, write_json
 
 WEB = Path(__file__).resolve().parent / "web"
 LARGEST = 5_500_000  # of a page's charts [byte]
@@ -301,3 +304,53 @@ def write_page(page: Page, folder: Path, figures: str | None = None, name: str =
         from shake_ros.report.chart import save_figures  # brings matplotlib, which is slow to load
 
         save_figures(page.charts, folder / f"{name}_figures", figures)
+
+
+class Result(ABC):
+    """A result that is described once, by `page`, and printed as the text of that.
+
+    Attributes
+    ----------
+    numbers, page_name : of the files of `content` and of the page.
+    """
+
+    numbers: ClassVar[str] = "report.json"
+    page_name: ClassVar[str] = "report"
+
+    @abstractmethod
+    def content(self) -> Any:
+        """All figures, for JSON."""
+
+    @property
+    @abstractmethod
+    def page(self) -> Page:
+        """What was found, in words, tables and charts."""
+
+    def files(self, work: Path, folder: Path, /) -> None:  # noqa: B027 (some have none)
+        """Write what stands beside page and numbers into `work`, which becomes `folder`."""
+
+    def report(self, folder: str | Path, force: bool = False, *, figures: str | None = None, command: str = "") -> Path:
+        """Write the page, its numbers as JSON, and what a program goes on with.
+
+        Parameters
+        ----------
+        folder : of the result.
+        force : replace an existing one.
+        figures : adds static copies of the charts, as "pdf", "svg" or "png".
+        command : line that the page names as its origin.
+
+        Raises
+        ------
+        ShakeError : the folder is there and `force` is not given.
+        """
+        with new_folder(Path(folder), force=force) as work:
+            write_json(work / self.numbers, self.content())
+            write_page(self.page, work, figures, self.page_name, command)
+            self.files(work, Path(folder))
+        return Path(folder)
+
+    def __repr__(self) -> str:
+        return self.page.text()
+
+    def _repr_html_(self) -> str:
+        return self.page.brief()

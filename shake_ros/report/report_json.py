@@ -21,10 +21,9 @@ from shake_ros.fit.uncertainty import Estimate
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.repair.close_loop import LoopClosure
 from shake_ros.result_folder import as_json
-from shake_ros.search.closed_form import FunctionForm, LearntFunction
+from shake_ros.search.closed_form import ChangeForm, FunctionForm, LearntChange, LearntFunction
 from shake_ros.search.decision import ForwardStep, Refit
 from shake_ros.search.declared_fit import FittedModel
-from shake_ros.search.second_form import ChangeForm, LearntChange
 from shake_ros.search.verdict import EffectVerdict
 
 CLOSE_LOOP_SCHEMA = "shake_ros.close_loop/1"

@@ -13,9 +13,8 @@ from shake_ros.fit.uncertainty import Estimate
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.repair.close_loop import LoopClosure
 from shake_ros.report.result_table import ResultTable, percent
-from shake_ros.search.closed_form import LearntFunction
+from shake_ros.search.closed_form import LearntChange, LearntFunction
 from shake_ros.search.declared_fit import FittedModel
-from shake_ros.search.second_form import LearntChange
 from shake_ros.search.verdict import EffectVerdict
 
 UNITS: Mapping[str, tuple[float, str]] = {  # SI unit → factor and unit to read

@@ -17,7 +17,7 @@ from shake_ros.ros import interface
 from shake_ros.ros.diagnostics import NO_ANSWER, OK, WARN
 from shake_ros.ros.frame import Behaviour, Frame, Reader
 from shake_ros.ros.interlock import NodeInterlock, SensorWriters
-from shake_ros.safety.stages import OFF, RUN
+from shake_ros.safety.causes import OFF, RUN
 from shake_ros.settings import find, read_yaml
 
 WAIT = 0.002  # longest look for a datagram [s]

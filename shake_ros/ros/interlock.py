@@ -18,9 +18,8 @@ from shake_ros.realtime import LastSecond
 from shake_ros.ros import interface
 from shake_ros.ros.diagnostics import ERROR, OK, WARN
 from shake_ros.ros.frame import Frame, Reader
-from shake_ros.safety.causes import CAUSES, INDICATE, InterlockParameters
+from shake_ros.safety.causes import CAUSES, INDICATE, RUN, STAGES, InterlockParameters
 from shake_ros.safety.interlock import Interlock, Trip
-from shake_ros.safety.stages import RUN, STAGES
 from shake_ros.settings import load_interlock
 
 LOOKING = 0.1  # from one look for a second commander to the next [s]

@@ -28,8 +28,7 @@ from shake_ros.ros.graph import Graph, GraphError, NodeSpec
 from shake_ros.ros.graph_client import TABLES, LiveGraph
 from shake_ros.ros.interface import NAMESPACE, VALVE_COMMAND
 from shake_ros.ros.loop import ros_context
-from shake_ros.safety.causes import CAUSES, InterlockParameters
-from shake_ros.safety.stages import OFF, RUN, STAGES
+from shake_ros.safety.causes import CAUSES, OFF, RUN, STAGES, InterlockParameters
 
 Array = NDArray[np.float64]
 LOOK = 6.0  # for a graph [s]

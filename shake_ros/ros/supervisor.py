@@ -25,8 +25,7 @@ from shake_ros.ros.diagnostics import NO_ANSWER
 from shake_ros.ros.graph import LAST, RECORDER, Graph, NodeSpec
 from shake_ros.ros.graph_client import POLL, TABLES, LiveGraph
 from shake_ros.ros.interface import ENABLE, RESET, Service
-from shake_ros.safety.causes import TIMED
-from shake_ros.safety.stages import OFF, STAGES
+from shake_ros.safety.causes import OFF, STAGES, TIMED
 
 GENERATOR = "reference_generator"
 SLOW = 5.0  # an orderly stop that takes longer is explained [s]

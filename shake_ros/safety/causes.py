@@ -1,8 +1,11 @@
-"""Causes of an interlock: what is watched, in which unit, from which threshold, with which action and latch.
+"""The stages of the hydraulics, and the causes that take them down: what is watched, its threshold and its action.
 
-Two classes of action as laboratories know them. Program interlock: the motion ramps to a hold, with the pressure on
-(`program_hold`) or with an orderly stop of the hydraulics behind it (`program_stop`). Hydraulic interlock
-(`hydraulic_interlock`): valve to null and pressure off, at once.
+The stages go up one by one, each confirmed and for its time; down from a hold, through low pressure. Times are in [ns];
+nothing here reads a clock.
+
+A cause has a unit, a threshold, an action and a latch. Two classes of action as laboratories know them. Program
+interlock: the motion ramps to a hold, with the pressure on (`program_hold`) or with an orderly stop of the hydraulics
+behind it (`program_stop`). Hydraulic interlock (`hydraulic_interlock`): valve to null and pressure off, at once.
 
 What the sensors say about themselves and about the table: one compiled look at each sample.
 
@@ -30,6 +33,53 @@ from numpy.typing import NDArray
 
 from shake_ros.compiled import njit
 from shake_ros.quantities import Parameters, ShakeError, choice, quantity, strict_keys
+
+OFF, LOW, HIGH, RUN = range(4)
+STAGES = ("off", "low pressure", "high pressure", "run")
+
+
+class Stages:
+    """The stage that the hydraulics are asked for.
+
+    Attributes
+    ----------
+    stage : OFF … RUN.
+    times : for which OFF, LOW and HIGH last at least [ns].
+    """
+
+    def __init__(self) -> None:
+        self.stage = OFF
+        self.times = (0.0, 0.0, 0.0)
+        self._since = -1
+
+    def advance(self, now: int, wanted: int, confirmed: int, *, moving: bool) -> None:
+        """Towards `wanted`, as far as the hydraulics have confirmed; RUN is not left while the command acts.
+
+        >>> stages = Stages()
+        >>> stages.times = 0.0, 2e9, 1e9
+        >>> for now in range(0, 4_000_000_000, 1_000_000_000):
+        ...     stages.advance(now, RUN, confirmed=RUN, moving=False)
+        ...     print(STAGES[stages.stage])
+        low pressure
+        low pressure
+        high pressure
+        run
+        """
+        while self.stage < wanted and confirmed >= self.stage:
+            if self._since < 0 or self.stage == OFF:
+                self._since = now
+            if now - self._since < self.times[self.stage]:
+                return
+            self.stage += 1
+            self._since = now
+        while self.stage > wanted:
+            if self.stage == RUN and moving:
+                return
+            if self.stage == LOW and now - self._since < self.times[LOW]:
+                return
+            self.stage -= 1
+            self._since = now
+
 
 NONE, INDICATE, PROGRAM_HOLD, PROGRAM_STOP, HYDRAULIC = ACTIONS = (
     "none",

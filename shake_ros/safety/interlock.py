@@ -22,14 +22,17 @@ from shake_ros.safety import causes
 from shake_ros.safety.causes import (
     CAUSES,
     HYDRAULIC,
+    OFF,
     PROGRAM_HOLD,
     PROGRAM_STOP,
+    RUN,
     SENSED,
     SEVERITY,
+    STAGES,
     InterlockParameters,
     Response,
+    Stages,
 )
-from shake_ros.safety.stages import OFF, RUN, STAGES, Stages
 
 MOST_TRIPS = 64  # kept for reports
 HOLDS = SEVERITY[PROGRAM_HOLD]

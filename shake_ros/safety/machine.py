@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.physics.plant.table import Measurement, Table
 from shake_ros.quantities import Parameters, quantity
+from shake_ros.safety.causes import HIGH, LOW, OFF
 from shake_ros.safety.faults import MachineFaults
-from shake_ros.safety.stages import HIGH, LOW, OFF
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,8 @@ from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 from shake_ros.quantities import ShakeError
-from shake_ros.safety.causes import CAUSES, SENSED, SEVERITY, InterlockParameters
+from shake_ros.safety.causes import CAUSES, RUN, SENSED, SEVERITY, InterlockParameters
 from shake_ros.safety.interlock import HOLDS, SECOND, Interlock, Trip
-from shake_ros.safety.stages import RUN
 
 STEP = SECOND // 100  # while the pressure comes up [ns]
 LONGEST_START = 60 * SECOND  # within which the interlock must let commands act in full [ns]

@@ -21,9 +21,9 @@ from shake_ros.fit.start.backlash import BACKLASH, shows_backlash, width_of_gap
 from shake_ros.physics.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.search.candidate_effects import CandidateEffect
 from shake_ros.search.candidates import listed
-from shake_ros.search.given_answer import GivenAnswer
 from shake_ros.search.loop import Scored, SearchData, SetSearch, Start
 from shake_ros.search.problem import ModelStructure
+from shake_ros.search.selection import GivenAnswer
 
 STIFFNESS = "effects.coupling_backlash.stiffness"
 SECONDS, PIECE = 14.0, 3.5  # of the estimation data that are fitted, and length of each piece [s]

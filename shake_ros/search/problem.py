@@ -21,7 +21,7 @@ from shake_ros.fit.nuisances.equal_commands import FreeAndPredictor, process_noi
 from shake_ros.fit.nuisances.estimates import NuisanceEstimates
 from shake_ros.fit.recording_problem import RecordingProblem
 from shake_ros.fit.records import FULL, DeclaredModel, Record, windows
-from shake_ros.fit.start.approach import INJECTION, approached
+from shake_ros.fit.start.narrow_valleys import INJECTION, approached
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.physics.plant.simulation import workers
 from shake_ros.search.candidate_effects import CandidateEffect

@@ -1,13 +1,26 @@
-"""What a search has found so far: the fit of the declared model, the steps from it, the final fit."""
+"""What a search has found so far: the fit of the declared model, the steps from it, the final fit.
+
+A search over sets of effects (answer.py) names them and gives values near the end of a fit; the models along the way,
+from the declared one to that with all effects, are fitted here to free runs from these values, and assessed.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
+from shake_ros.fit.free_parameters import FreeParameters, is_of_recording
+from shake_ros.fit.least_squares import costs
 from shake_ros.fit.nuisances.estimates import NuisanceEstimates
-from shake_ros.search.decision import ForwardStep
-from shake_ros.search.problem import ScoredFit
+from shake_ros.fit.nuisances.sensor_filter import SensorFilter
+from shake_ros.fit.start.narrow_valleys import from_slow_to_fast
+from shake_ros.physics.plant.parameters import TableParameters
+from shake_ros.search.candidate_effects import CandidateEffect
+from shake_ros.search.decision import ForwardStep, Refit, absent_on, decide, in_its_place, ranked
+from shake_ros.search.declared_fit import fit_declared, with_late_parameters
+from shake_ros.search.problem import ModelStructure, ScoredFit, SearchProblem, mean_square
 from shake_ros.search.unlisted_functions import FunctionSearch
 
 
@@ -53,3 +66,96 @@ class Selection:
     def with_step(self, step: ForwardStep) -> Selection:
         """One effect more."""
         return replace(self, steps=(*self.steps, step), final=step.chosen.result)
+
+
+ALONG = 6  # trial points of a model on the way, whose error is all that is asked
+
+
+@dataclass(frozen=True)
+class GivenAnswer:
+    """Effects with the values that a search has found.
+
+    Attributes
+    ----------
+    table : with all of them. effects : candidates, the one that explains most first. rivals : candidates that explain
+    nearly as much in the place of an effect, each with a table that has it. stopped : whether the search ended before
+    it was done. behind : delay and filter of the accelerometer, where the search has fitted them. predicted : whether
+    it has fitted a predictor, and no free runs.
+    """
+
+    table: TableParameters
+    effects: tuple[CandidateEffect, ...]
+    rivals: Mapping[str, Sequence[tuple[CandidateEffect, TableParameters]]]
+    stopped: bool = False
+    behind: SensorFilter | None = None
+    predicted: bool = False
+
+
+def selection_of(problem: SearchProblem, model: ModelStructure, answer: GivenAnswer) -> Selection:
+    """The models from the declared one to that with all effects, each fitted to free runs from the values given."""
+    settings, free = problem.settings, (*model.free, *model.late)
+    declared = fit_declared(problem, FreeParameters(model.table, model.free), bool(answer.effects))
+    declared = with_late_parameters(problem, declared)
+    steps, final = list[ForwardStep](), declared
+    for count, candidate in enumerate(answer.effects, start=1):
+        problem.progress(f"fitting free runs with {candidate.effect}", 0.5 + 0.4 * count / len(answer.effects))
+        among = answer.effects[:count]
+        bare = answer.table.without([c.effect for c in answer.effects[count:]])
+        parameters = FreeParameters(absent_on(bare, among, bare), [*free, *(p for c in among for p in c.free)])
+        tables = [answer.table]
+        if model.fitted is not None and {c.effect for c in among} == set(model.shown):
+            tables.append(model.fitted)  # a fit of free runs from where the search began
+        own = [n for n in parameters.names if not is_of_recording(n)]
+        starts = np.array([parameters.x_of({n: t.value(n) for n in own}) for t in tables])
+        start = starts[int(np.argmin(costs(problem.estimation, parameters, starts)))]
+        last = count == len(answer.effects)
+        if last and (least_known := [p.name for c in among if c.narrow for p in reversed(c.free)]):
+            problem.progress("slow motion first, then faster", 0.9)
+            start = from_slow_to_fast(problem.estimation_pieces, parameters, [start], least_known)
+        most = settings.converging_evaluations if last else ALONG
+        final = problem.fitted(parameters, start, most, settings.converged, near=True)
+        chosen = Refit(candidate, final, predicted_gain(steps, declared, final))
+        steps.append(ForwardStep(chosen, (chosen,)))
+    found = Selection(declared, tuple(steps), final, stopped=answer.stopped)
+    return found if answer.stopped else with_rivals(problem, found, answer.rivals)
+
+
+def better_beginning(problem: SearchProblem, model: ModelStructure, found: Selection) -> GivenAnswer | None:
+    """The effects with which a search began, where these leave less of the validation data than what it has found.
+
+    A predictor may lose a model that it cannot follow; the free runs that led to its beginning have not.
+    """
+    effects = tuple(c for c in model.candidates if c.effect in model.shown)
+    named = {s.chosen.candidate.effect for s in found.steps}
+    if model.fitted is None or not effects or {c.effect for c in effects} == named:
+        return None
+    own = FreeParameters(model.fitted, model.free)
+    left = problem.validation_residuals(own.vectors(own.start())[0])
+    if mean_square(left) >= found.final.validation_cost:
+        return None
+    return GivenAnswer(model.fitted, effects, {}, found.stopped)
+
+
+def with_rivals(
+    problem: SearchProblem,
+    found: Selection,
+    rivals: Mapping[str, Sequence[tuple[CandidateEffect, TableParameters]]],
+) -> Selection:
+    """The selection once what could stand in the place of each effect has had its turn, fitted to the same recordings.
+
+    rivals : by effect, each with a table that has it.
+    """
+    for number, step in enumerate(found.steps):
+        others = rivals.get(step.chosen.candidate.effect, ())
+        tried = [Refit(c, in_its_place(problem, found.final, step, c, there), 0.0) for c, there in others]
+        now = replace(step.chosen, result=found.final)
+        better = decide(problem, ranked([now, *tried]))
+        steps = (*found.steps[:number], better, *found.steps[number + 1 :])
+        found = replace(found, steps=steps, final=better.chosen.result)
+    return found
+
+
+def predicted_gain(steps: Sequence[ForwardStep], declared: ScoredFit, now: ScoredFit) -> float:
+    """Relative fall of the estimation cost by the last step [-]."""
+    before = steps[-1].chosen.result if steps else declared
+    return 1.0 - now.estimation_cost / max(before.estimation_cost, 1e-300)

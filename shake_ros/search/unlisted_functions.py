@@ -17,7 +17,7 @@ import numpy as np
 from shake_ros.fit.free_parameters import FreeParameter, FreeParameters
 from shake_ros.fit.least_squares import Adjustment, Fit, Problem, fit
 from shake_ros.fit.recording_problem import RecordingProblem
-from shake_ros.fit.start.approach import approached
+from shake_ros.fit.start.narrow_valleys import approached
 from shake_ros.physics.effects import unlisted as law
 from shake_ros.search.candidate_effects import CandidateEffect
 from shake_ros.search.decision import Refit

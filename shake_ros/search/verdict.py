@@ -24,11 +24,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from shake_ros.fit.time_budget import time_is_over
+from shake_ros.fit.least_squares import time_is_over
 from shake_ros.fit.uncertainty import at_bound
 from shake_ros.search.candidate_effects import CandidateEffect
-from shake_ros.search.decision import ForwardStep, log_odds, odds_of, unexplained
-from shake_ros.search.elimination import without
+from shake_ros.search.decision import ForwardStep, log_odds, odds_of, unexplained, without
 from shake_ros.search.problem import ScoredFit, SearchProblem
 from shake_ros.search.selection import Selection
 

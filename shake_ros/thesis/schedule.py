@@ -21,8 +21,7 @@ from shake_ros.fit.records import FULL, Record, relative_error
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.quantities import ShakeError, strict_keys
 from shake_ros.report.chart import Chart, ChartSeries, Panel, static_figure
-from shake_ros.report.page import Page
-from shake_ros.report.result import Result
+from shake_ros.report.page import Page, Result
 from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.report.sections import sources_of
 from shake_ros.settings import find, load_table, read_yaml

@@ -15,8 +15,7 @@ from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.quantities import ShakeError
 from shake_ros.recordings.bags import TableRecording
-from shake_ros.report.page import Page
-from shake_ros.report.result import Result
+from shake_ros.report.page import Page, Result
 from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.settings import load_table, save_table
 from shake_ros.twin.followed import TwinSettings, load_twin

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 import shake_ros as sr
-from shake_ros.control.closed_loop import ClosedLoop
+from shake_ros.control.closed_loop import ClosedLoop, Loop, simulate
 from shake_ros.control.laws import CONTROLLERS
 from shake_ros.control.laws.runner import Controller
-from shake_ros.control.simulation import Loop, simulate
 from shake_ros.physics.plant.simulation import run
 from shake_ros.quantities import ShakeError
 from shake_ros.settings import load_table, load_variant

@@ -11,8 +11,8 @@ import pytest
 from shake_ros.bridge import wire
 from shake_ros.bridge.emulator import Emulator, EmulatorParameters, Switches, parse_fault
 from shake_ros.bridge.ends import Host, TargetLink
+from shake_ros.safety.causes import RUN
 from shake_ros.safety.machine import PowerUnitParameters
-from shake_ros.safety.stages import RUN
 from shake_ros.settings import find, load_interlock, load_table, read_yaml
 
 MS = 1_000_000

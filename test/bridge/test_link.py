@@ -10,8 +10,7 @@ import pytest
 from shake_ros.bridge import wire
 from shake_ros.bridge.emulator import parse_fault
 from shake_ros.quantities import ShakeError
-from shake_ros.safety.causes import NUMBERS
-from shake_ros.safety.stages import HIGH, LOW, OFF, RUN
+from shake_ros.safety.causes import HIGH, LOW, NUMBERS, OFF, RUN
 
 STALE, LOST = 20, 200  # [ms] of config/interlock/target.yaml
 

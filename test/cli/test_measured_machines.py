@@ -12,13 +12,12 @@ from pages import read_page
 import shake_ros as sr
 from shake_ros.__main__ import main
 from shake_ros.declared import effect_candidates, free_parameters
-from shake_ros.fit.axis_model import AXIS, force_error, position_errors
+from shake_ros.fit.axis_model import AXIS, force_error, position_errors, with_slow_changes
 from shake_ros.fit.free_parameters import FreeParameters
 from shake_ros.fit.least_squares import fit
 from shake_ros.fit.recording_problem import RecordingProblem
 from shake_ros.fit.records import Record
 from shake_ros.fit.reduced_model import REDUCED
-from shake_ros.fit.slow_changes import with_slow_changes
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.physics.plant.reduced_simulation import run
 

@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 from stepped_loop import simulate_closed_loop
 
-from shake_ros.control.closed_loop import ClosedLoop
+from shake_ros.control.closed_loop import ClosedLoop, Loop, run_batch, simulate
 from shake_ros.control.laws import CONTROLLERS, harmonic_cancellation
 from shake_ros.control.laws.runner import Controller
 from shake_ros.control.observer import OBSERVERS
 from shake_ros.control.observer.runner import Observer
 from shake_ros.control.reference.program import Program
-from shake_ros.control.simulation import Loop, run_batch, simulate
 from shake_ros.packing import numbers
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.physics.plant.sensors import SensorNoise, normal_draws

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from shake_ros.control.closed_loop import Loop, simulate
 from shake_ros.control.laws import CONTROLLERS
 from shake_ros.control.laws.runner import Controller
-from shake_ros.control.simulation import Loop, simulate
 from shake_ros.fit.free_parameters import FreeParameter, FreeParameters
 from shake_ros.fit.least_squares import fit
 from shake_ros.fit.recording_problem import RecordingProblem

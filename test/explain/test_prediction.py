@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from benchmarks.discovery import hidden_tables as hidden
-from shake_ros.declared import model_structure
+from shake_ros.declared import MODELS, model_structure
 from shake_ros.explain.prediction import HORIZONS, RATES, Innovations, innovations
 from shake_ros.fit.free_parameters import FreeParameters
-from shake_ros.fit.models import MODELS
 from shake_ros.fit.recording_problem import RecordingProblem
 from shake_ros.fit.records import Record
 from shake_ros.settings import load_table

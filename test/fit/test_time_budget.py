@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from shake_ros.fit.free_parameters import FreeParameter, FreeParameters
-from shake_ros.fit.least_squares import Fit, fit
-from shake_ros.fit.time_budget import never, time_is_over, within_budget
+from shake_ros.fit.least_squares import Fit, fit, never, time_is_over, within_budget
 from shake_ros.search.problem import side_by_side
 from shake_ros.settings import load_table
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from shake_ros.control.closed_loop import Loop, simulate
 from shake_ros.control.laws import CONTROLLERS
 from shake_ros.control.laws.runner import Controller
 from shake_ros.control.observer import OBSERVERS
 from shake_ros.control.observer.runner import Observer
-from shake_ros.control.simulation import Loop, simulate
 from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.fit.free_parameters import FreeParameters
 from shake_ros.fit.records import Record

@@ -13,14 +13,12 @@ from closed_loops import CASES, DEAD_BAND, LEAN, command, recording
 from shake_ros.declared import effect_candidates, model_structure
 from shake_ros.failures import RAISING
 from shake_ros.fit.free_parameters import FreeParameters
-from shake_ros.fit.least_squares import Fit
-from shake_ros.fit.time_budget import never
+from shake_ros.fit.least_squares import Fit, never
 from shake_ros.repair import close_loop as closing
 from shake_ros.repair.close_loop import passed_through, searched
 from shake_ros.search.decision import ForwardStep, Refit
-from shake_ros.search.given_answer import GivenAnswer
 from shake_ros.search.problem import ModelStructure, ScoredFit, SearchProblem
-from shake_ros.search.selection import Selection
+from shake_ros.search.selection import GivenAnswer, Selection
 from shake_ros.settings import load_table
 
 

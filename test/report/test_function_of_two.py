@@ -12,8 +12,7 @@ from shake_ros.physics.effects import unlisted as law
 from shake_ros.report.charts_fit import unlisted_chart
 from shake_ros.report.report_json import function_json
 from shake_ros.report.text import function_line
-from shake_ros.search.closed_form import LearntFunction, fitted_forms
-from shake_ros.search.second_form import LearntChange, fitted_changes
+from shake_ros.search.closed_form import LearntChange, LearntFunction, fitted_changes, fitted_forms
 from shake_ros.settings import load_table
 
 AT, CHANGES_AT = np.linspace(-0.03, 0.03, law.NODES), np.linspace(-0.03, 0.03, law.CHANGES)

@@ -12,9 +12,8 @@ import pytest
 
 from shake_ros.quantities import ShakeError
 from shake_ros.safety import causes as sensors
-from shake_ros.safety.causes import ACTIONS, CAUSES, HYDRAULIC, InterlockParameters
+from shake_ros.safety.causes import ACTIONS, CAUSES, HIGH, HYDRAULIC, LOW, OFF, RUN, InterlockParameters
 from shake_ros.safety.interlock import ERROR, OK, WARN, Interlock
-from shake_ros.safety.stages import HIGH, LOW, OFF, RUN
 from shake_ros.settings import find, load_interlock, read_yaml
 
 MS = 1_000_000

@@ -8,9 +8,9 @@ import math
 import numpy as np
 import pytest
 
+from shake_ros.safety.causes import HIGH, LOW, OFF, RUN
 from shake_ros.safety.faults import BIASED, FROZEN, MACHINE_FAULTS, MISSING, NOISY, MachineFaultParameters
 from shake_ros.safety.machine import Machine, PowerUnitParameters
-from shake_ros.safety.stages import HIGH, LOW, OFF, RUN
 from shake_ros.settings import load_table
 
 SAMPLE_TIME = 1e-3

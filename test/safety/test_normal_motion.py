@@ -11,8 +11,8 @@ from shake_ros.control.observer import OBSERVERS
 from shake_ros.control.observer.runner import Observer
 from shake_ros.physics.plant.table import Table
 from shake_ros.recordings.reference_file import build_program
+from shake_ros.safety.causes import RUN
 from shake_ros.safety.interlock import Interlock
-from shake_ros.safety.stages import RUN
 from shake_ros.settings import load_interlock, load_table, load_variant
 
 MS = 1_000_000

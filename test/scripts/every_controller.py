@@ -18,12 +18,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from same_every_time import Run, differences_from_core
 
 from benchmarks.realtime.listener import SAMPLED, Listener
-from shake_ros.control.closed_loop import ClosedLoop
+from shake_ros.control.closed_loop import ClosedLoop, Loop, simulate
 from shake_ros.control.laws import CONTROLLERS
 from shake_ros.control.laws.runner import Controller
 from shake_ros.control.observer import OBSERVERS
 from shake_ros.control.observer.runner import Observer
-from shake_ros.control.simulation import Loop, simulate
 from shake_ros.recordings.reference_file import build_program
 from shake_ros.ros.graph import NodeSpec, run_composed
 from shake_ros.settings import load_table, load_variant

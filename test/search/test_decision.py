@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from linear_effects import FIRST, SECOND, TABLE, Hidden, fitted, problem_of, step
 
 from shake_ros.declared import effect_candidates
 from shake_ros.fit.free_parameters import FreeParameters
 from shake_ros.fit.least_squares import Fit
-from shake_ros.search.decision import PRIOR, Refit, decide, log_odds, unexplained
+from shake_ros.search.decision import PRIOR, Refit, decide, in_its_place, log_odds, unexplained, without
 from shake_ros.search.problem import ScoredFit
 from shake_ros.settings import load_search, load_table
 
@@ -92,3 +93,13 @@ def test_usual_values_are_named_instead_of_the_best() -> None:
     step = decide(problem(), (best, usual))
     assert step.chosen is usual
     assert step.alternatives == ("tank_back_pressure",)
+
+
+def test_an_effect_that_took_the_place_of_another_can_be_taken_out_in_turn() -> None:
+    problem = problem_of(Hidden(0.0, 2.0))
+    there = TABLE.with_values({SECOND.strength.name: SECOND.strength.scale})
+    exchanged = in_its_place(problem, fitted(problem, FIRST), step(problem, FIRST), SECOND, there)
+    assert exchanged.fit.x[-1] == pytest.approx(2.0, rel=0.01)
+    bare = without(problem, exchanged, SECOND)
+    assert bare.estimation_cost == pytest.approx(fitted(problem).estimation_cost)
+    assert bare.fit.table.value(SECOND.strength.name) == 0.0

@@ -17,10 +17,9 @@ from shake_ros.declared import model_structure
 from shake_ros.fit.free_parameters import FreeParameters
 from shake_ros.physics.effects import unlisted as law
 from shake_ros.physics.plant.parameters import FULL_LAYOUT
-from shake_ros.search.closed_form import learnt_function
+from shake_ros.search.closed_form import fitted_changes, learnt_function
 from shake_ros.search.decision import ForwardStep
 from shake_ros.search.problem import ScoredFit, SearchProblem
-from shake_ros.search.second_form import fitted_changes
 from shake_ros.search.second_quantities import function_of_two, with_second_quantity
 from shake_ros.search.unlisted_functions import FunctionSearch, best_function
 from shake_ros.settings import load_search, load_table

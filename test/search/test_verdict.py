@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from linear_effects import FIRST, NOISE, SECOND, Hidden, fitted, problem_of, step
 
-from shake_ros.fit.time_budget import within_budget
+from shake_ros.fit.least_squares import within_budget
 from shake_ros.search.problem import SearchProblem
 from shake_ros.search.selection import Selection
 from shake_ros.search.verdict import ESTABLISHED, LIKELY, EffectVerdict, with_verdicts

@@ -10,7 +10,7 @@ from shake_ros.declared import model_structure
 from shake_ros.fit.free_parameters import FreeParameters
 from shake_ros.fit.least_squares import Fit, fit
 from shake_ros.fit.records import Record
-from shake_ros.fit.start.approach import INJECTION
+from shake_ros.fit.start.narrow_valleys import INJECTION
 from shake_ros.repair.close_loop import beside_process_noise
 from shake_ros.search.problem import SearchProblem
 from shake_ros.search.selection import Selection

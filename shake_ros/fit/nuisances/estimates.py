@@ -1,8 +1,8 @@
 """Nuisance parameters of recordings from a fitted model: the accelerometer's filter and noise, the valve's null shifts.
 
-Before a fit the noise comes from the highest frequencies of a recording (noise.py), where friction at rest and rattling
-joints still move a table that is sampled slowly: up to four times the truth. What a model predicts of such jumps is no
-noise, so the highest frequencies of what it leaves are a better measure, and still never too small a one.
+Before a fit the noise comes from the highest frequencies of a recording (signals/noise.py), where friction at rest and
+rattling joints still move a table that is sampled slowly: up to four times the truth. What a model predicts of such
+jumps is no noise, so the highest frequencies of what it leaves are a better measure, and still never too small a one.
 
 The null shift of a recording is free in every fit to it. That at which the free run has its mean velocity leaves it
 open by what may be many times the noise, where friction holds a table between slow motions. A validation recording has

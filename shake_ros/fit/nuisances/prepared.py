@@ -57,8 +57,8 @@ class Prepared:
 
     full_scale : of the recorded command, which counts as 1 from here on. sensors : what position and acceleration tell
     of each other at first; the recordings' `delay` has been taken out but that of a filter with their `cutoff`.
-    ahead : time by which commands that were recorded late have been moved (late_command.py) [s]. stops : a line on
-    what of the recordings no fit uses (data_checks.py).
+    ahead : time by which commands that were recorded late have been moved (start/linear_table.py) [s]. stops : a line
+    on what of the recordings no fit uses (start/data_checks.py).
     """
 
     estimation: list[Record]

@@ -18,7 +18,7 @@ import numpy as np
 from shake_ros.fit.free_parameters import FreeParameter, FreeParameters
 from shake_ros.fit.least_squares import Fit
 from shake_ros.fit.recording_problem import RecordingProblem
-from shake_ros.fit.start.approach import approached
+from shake_ros.fit.start.narrow_valleys import approached
 from shake_ros.physics.plant.parameters import TableParameters
 
 EVALUATIONS, TOLERANCE = 12, 3e-3  # enough to tell what the fit wants

@@ -1,7 +1,7 @@
 """The first stages of a fit to recordings of a table without a data sheet.
 
 The best first guesses are fitted briefly to pieces of the recordings, with the filter behind the accelerometer that
-leaves least; where that leaves much, with backlash alone (by_bands.py) or with several effects at once
+leaves least; where that leaves much, with backlash alone (narrow_valleys.py) or with several effects at once
 (joint_start.py). The null shift of each recording is free in these fits, and stands in the recordings at their end.
 """
 
@@ -22,13 +22,10 @@ from shake_ros.fit.nuisances.sensor_filter import behind_filter, better_filter
 from shake_ros.fit.nuisances.sensor_pair import SensorPair
 from shake_ros.fit.recording_problem import RecordingProblem
 from shake_ros.fit.records import windows
-from shake_ros.fit.start.approach import arrived, predictor_start
-from shake_ros.fit.start.by_bands import FALL, from_slow_to_fast, slow
-from shake_ros.fit.start.first_guess import FirstGuess
 from shake_ros.fit.start.joint_start import JoiningEffect, joint_start
-from shake_ros.fit.start.late_command import moved_ahead
-from shake_ros.fit.start.shared_lag import with_lag_parted
-from shake_ros.fit.start.unknown_model import UnknownModel
+from shake_ros.fit.start.linear_table import moved_ahead
+from shake_ros.fit.start.narrow_valleys import FALL, arrived, from_slow_to_fast, predictor_start, slow, with_lag_parted
+from shake_ros.fit.start.unknown_model import FirstGuess, UnknownModel
 from shake_ros.fit.uncertainty import at_bound
 from shake_ros.physics.plant.parameters import TableParameters
 

@@ -7,8 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from benchmarks.discovery import hidden_tables as hidden
-from shake_ros.declared import model_structure
-from shake_ros.fit.models import MODELS
+from shake_ros.declared import MODELS, model_structure
 from shake_ros.fit.nuisances.equal_commands import FreeAndPredictor, process_noise, samples_for_one
 from shake_ros.fit.recording_problem import RecordingProblem
 from shake_ros.fit.records import Record

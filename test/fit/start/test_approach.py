@@ -12,7 +12,7 @@ from shake_ros.fit.free_parameters import FreeParameters
 from shake_ros.fit.least_squares import fit
 from shake_ros.fit.recording_problem import RecordingProblem
 from shake_ros.fit.records import Record
-from shake_ros.fit.start.approach import INJECTION, approached
+from shake_ros.fit.start.narrow_valleys import INJECTION, approached
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.settings import load_table
 

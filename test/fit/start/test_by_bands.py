@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from shake_ros.fit.free_parameters import FreeParameters, free_parameter
-from shake_ros.fit.least_squares import Fit, costs, fit
+from shake_ros.fit.least_squares import Fit, costs, fit, within_budget
 from shake_ros.fit.recording_problem import RecordingProblem
 from shake_ros.fit.records import Record
-from shake_ros.fit.start import by_bands
-from shake_ros.fit.start.by_bands import FALL, FRICTION, from_slow_to_fast
-from shake_ros.fit.time_budget import within_budget
+from shake_ros.fit.start import narrow_valleys
+from shake_ros.fit.start.narrow_valleys import FALL, FRICTION, from_slow_to_fast
 from shake_ros.physics.plant.parameters import INDEX
 from shake_ros.physics.plant.simulation import run
 from shake_ros.settings import load_table
@@ -84,8 +83,8 @@ def test_a_way_ends_where_a_band_leaves_far_more_than_is_of_use(
     slow, whole = (costs(p, free, start)[0] for p in (problem.below(40.0, 5e-2), problem))
     assert slow < 0.98 * whole
     band_limited.clear()
-    monkeypatch.setattr(by_bands, "_fitted", lambda _band_limited, _band, _free, x, _own: x)
-    monkeypatch.setattr(by_bands, "_tried", unchanged)
+    monkeypatch.setattr(narrow_valleys, "_fitted", lambda _band_limited, _band, _free, x, _own: x)
+    monkeypatch.setattr(narrow_valleys, "_tried", unchanged)
     left = {"little": 0.5 * slow, "between": 0.5 * (slow + whole), "enough": 2.0 * whole}[use]
     x = from_slow_to_fast(problem, free, [start], [ROD, GAP], left / FALL)
     assert x.tolist() == start.tolist()
@@ -101,7 +100,7 @@ def test_the_slow_part_leaves_the_rod_s_mass_where_it_is(monkeypatch: pytest.Mon
         moved.append(free.names)
         return fit(band_limited, free, x, **options)
 
-    monkeypatch.setattr(by_bands, "fit", short)
+    monkeypatch.setattr(narrow_valleys, "fit", short)
     from_slow_to_fast(problem, free, [free.x_of({GAP: 5e-5})], [ROD, GAP])
     assert moved == [(GAP,), (GAP, ROD), (GAP, ROD)]
 

@@ -5,7 +5,7 @@ import pytest
 
 from shake_ros.fit.free_parameters import FreeParameter, FreeParameters
 from shake_ros.fit.least_squares import fit
-from shake_ros.fit.start.shared_lag import DAMPING, DELAY, FREQUENCY, OF_LAG, parted_anew, with_lag_parted
+from shake_ros.fit.start.narrow_valleys import DAMPING, DELAY, FREQUENCY, OF_LAG, parted_anew, with_lag_parted
 from shake_ros.settings import load_table
 
 FREQUENCIES = 2.0 * np.pi * np.linspace(1.0, 40.0, 120)

@@ -19,7 +19,7 @@ from shake_ros.fit.nuisances.prepared import Nuisance, Prepared, prepared
 from shake_ros.fit.nuisances.sensor_pair import BaseMode, SensorPair
 from shake_ros.fit.recording_problem import RecordingProblem
 from shake_ros.fit.start import stages
-from shake_ros.fit.start.by_bands import FALL
+from shake_ros.fit.start.narrow_valleys import FALL
 from shake_ros.fit.start.stages import (
     BETWEEN_SENSORS,
     SAME,

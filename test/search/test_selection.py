@@ -13,9 +13,9 @@ from shake_ros.fit.free_parameters import FreeParameters
 from shake_ros.search.answer import effects_tried
 from shake_ros.search.candidate_effects import CandidateEffect
 from shake_ros.search.candidates import function, listed
-from shake_ros.search.elimination import absent_on
-from shake_ros.search.given_answer import better_beginning
+from shake_ros.search.decision import absent_on
 from shake_ros.search.problem import ModelStructure
+from shake_ros.search.selection import better_beginning
 from shake_ros.search.unlisted_functions import OF_MOTION
 from shake_ros.settings import load_table
 

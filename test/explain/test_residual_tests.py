@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from shake_ros.explain.command_filter import coherent_mean_square
-from shake_ros.explain.correlation import residual_test
+from shake_ros.explain.residual_tests import coherent_mean_square, residual_test
 from shake_ros.quantities import ShakeError
 
 N = 6000

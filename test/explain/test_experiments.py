@@ -8,8 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shake_ros.explain.experiments import KINDS, Candidate, advice, benefits, catalogue, drive
-from shake_ros.explain.identifiability import deviations_of, identifiability
+from shake_ros.explain.experiments import (
+    KINDS,
+    Candidate,
+    advice,
+    benefits,
+    catalogue,
+    deviations_of,
+    drive,
+    identifiability,
+)
 from shake_ros.fit.free_parameters import FreeParameters, free_parameter
 from shake_ros.fit.least_squares import Fit
 from shake_ros.fit.recording_problem import RecordingProblem

@@ -7,10 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shake_ros.fit.axis_model import AXIS, force_error, forecast_errors, position_errors
+from shake_ros.fit.axis_model import (
+    AXIS,
+    DRIFT,
+    LEVEL,
+    OFFSET,
+    changed,
+    force_error,
+    forecast_errors,
+    position_errors,
+    with_slow_changes,
+)
 from shake_ros.fit.recording_problem import RecordingProblem
 from shake_ros.fit.records import Record, windows
-from shake_ros.fit.slow_changes import DRIFT, LEVEL, OFFSET, changed, with_slow_changes
 from shake_ros.physics.effects.unlisted import FORCE_OF_VELOCITY, FRICTION_OF_POSITION, NODES
 from shake_ros.physics.plant.axis import AXIS_LAYOUT
 from shake_ros.physics.plant.parameters import TableParameters

@@ -1,4 +1,4 @@
-"""The part of a run in which the excitation keeps its amplitude."""
+"""Only the part of a signal counts in which the excitation is steady; a clipped sensor is noticed."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shake_ros.quantities import ShakeError
-from shake_ros.signals.stretches import steady_part
+from shake_ros.signals.stretches import clipped, restored, steady_part
 
 TIME = np.arange(10000) * 0.001
 WAVE = np.sin(2.0 * np.pi * 3.3 * TIME)
@@ -39,3 +39,29 @@ def test_few_samples_a_period_do_not_break_the_row() -> None:
 def test_less_than_a_period_is_refused() -> None:
     with pytest.raises(ShakeError, match="no whole period"):
         steady_part(TIME[:100], WAVE[:100], 3.3)
+
+
+SINE = np.sin(np.arange(2000) / 20.0)
+
+
+def test_clipped_samples_are_those_at_the_ends() -> None:
+    at = clipped(np.clip(SINE, -0.6, 0.7))
+    assert np.array_equal(at, (SINE <= -0.6) | (SINE >= 0.7))
+
+
+def test_peaks_and_constants_are_not_clipped() -> None:
+    assert not clipped(SINE).any() and not clipped(np.zeros(50)).any()
+
+
+def test_restored_samples_follow_the_other_sensor_and_no_others_change() -> None:
+    cut = np.clip(0.3 + SINE, -0.3, 0.9)
+    at = clipped(cut)
+    whole = restored(cut, at, 5.0 * SINE - 2.0)
+    assert np.allclose(whole, 0.3 + SINE) and np.array_equal(whole[~at], cut[~at])
+
+
+def test_a_restored_sample_is_never_nearer_to_the_middle_than_the_clip() -> None:
+    cut = np.clip(SINE, -0.6, 0.6)
+    at = clipped(cut)
+    whole = restored(cut, at, np.where(at, 0.0, SINE))
+    assert np.array_equal(whole, cut)
