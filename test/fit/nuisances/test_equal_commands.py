@@ -13,7 +13,7 @@ from shake_ros.fit.recording_problem import RecordingProblem
 from shake_ros.fit.records import Record
 from shake_ros.settings import load_search, load_table
 
-LEAST = load_search().process_noise
+LEAST = load_search().near_noise ** 2
 STRUCTURE = model_structure(load_table("bergamo"))
 
 
