@@ -52,14 +52,13 @@ class ExplainedBand:
     """Where the command explains the response, see nuisances/explained_band.py.
 
     highest : frequency of it [Hz]. beyond : standard deviation of the acceleration above [m/s²].
-    velocity, acceleration, pressure : of what it leaves of them there [m/s], [m/s²], [Pa].
+    velocity, acceleration : of what it leaves of them there [m/s], [m/s²].
     """
 
     highest: float
     beyond: float
     velocity: float
     acceleration: float
-    pressure: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -213,8 +212,6 @@ class Record:
     def pressure_noise(self) -> float:
         """Standard deviation of the noise of the load pressure [Pa], not below that of its rounding."""
         assert self.pressure is not None
-        if self.explained is not None:
-            return self.explained.pressure
         return max(white_deviation(self.pressure), resolution(self.pressure) / math.sqrt(12.0))
 
     def pressure_deviation(self) -> float:

@@ -3,8 +3,9 @@
 Noise in the valve, friction that catches and rings the oil column, and play shake a laboratory's table by as much as a
 small earthquake does. Its phase is nobody's doing: a free run cannot have it. Where much of the acceleration's power
 lies above the frequency from which it is no longer coherent with the command, a run is compared below that alone, and
-should be calm above; what a linear filter of the command leaves below counts as noise. Little of what a nonlinear table
-does lies beyond: what its nonlinearity adds to a wide command is partly coherent with it.
+should be calm above; what a linear filter of the command leaves below counts as noise. The load pressure follows what
+shakes the table more than the command, so it is not compared. Little of what a nonlinear table does lies beyond: what
+its nonlinearity adds to a wide command is partly coherent with it.
 """
 
 from __future__ import annotations
@@ -69,12 +70,12 @@ def limited(records: Sequence[Record], band: float, learnt: Sequence[Record] = (
     found = []
     for r in records:
         own = _Normal.of(r, band)
-        others = [n for n in equations if n.run != r.run and n.right.shape == own.right.shape] or [own]
+        others = [n for n in equations if n.run != r.run and n.square.shape == own.square.shape] or [own]
         square, right = np.sum([n.square for n in others], axis=0), np.sum([n.right for n in others], axis=0)
         left = own.signals - own.terms @ np.linalg.lstsq(square, right, rcond=None)[0]
         levels = np.minimum(np.std(left, axis=0), np.std(own.signals, axis=0))  # another motion's filter may not fit
         beyond = float(np.std(_felt(r) - own.signals[:, 1]))
-        found.append(replace(r, explained=ExplainedBand(band, beyond, *levels.tolist())))
+        found.append(replace(r, pressure=None, explained=ExplainedBand(band, beyond, *levels.tolist())))
     return found
 
 
@@ -82,9 +83,8 @@ def limited(records: Sequence[Record], band: float, learnt: Sequence[Record] = (
 class _Normal:
     """What a recording tells of its filters below a frequency.
 
-    signals : velocity [m/s], acceleration [m/s²] and, if measured, load pressure [Pa], shape (n, m). terms : the
-    command at each lag, shape (n, lags). Both about their means.
-    square, right : normal equations, shapes (lags, lags) and (lags, m).
+    signals : velocity [m/s] and acceleration [m/s²], shape (n, 2). terms : the command at each lag, shape (n, lags),
+    both about their means. square, right : normal equations, shapes (lags, lags) and (lags, 2).
     """
 
     run: int
@@ -101,8 +101,7 @@ class _Normal:
         u = np.concatenate([np.full(lags[-1], record.command_before), record.commands])
         u = low_pass(u, record.sample_time, band)
         terms = np.column_stack([u[lags[-1] - k : lags[-1] - k + n] for k in lags])[record.start :]
-        load = () if record.pressure is None else (record.pressure[record.start :],)
-        signals = np.stack([record.velocity[record.start :], _felt(record), *load])
+        signals = np.stack([record.velocity[record.start :], _felt(record)])
         signals = low_pass(signals, record.sample_time, band).T
         terms, signals = terms - terms.mean(axis=0), signals - signals.mean(axis=0)
         return cls(record.run, signals, terms, terms.T @ terms, terms.T @ signals)
