@@ -73,7 +73,9 @@ def verdict_of(
     settings, final = problem.settings, found.final
     candidate, noise = step.chosen.candidate, problem.validation.noise_cost()
     left = 0.0 if candidate.effect in shown else unexplained(problem, final)
-    reduced = without(problem, final, candidate) if len(found.steps) > 1 else found.declared
+    reduced = without(problem, final, candidate)
+    if len(found.steps) == 1:  # a fit from the declared values may have ended in another valley
+        reduced = min(reduced, found.declared, key=lambda m: m.score)
     worth = float(np.sqrt(reduced.validation_cost / final.validation_cost))
     bounds = resting_parameters(final, step)
     odds = log_odds(problem, final, reduced, 1)
