@@ -76,7 +76,6 @@ JOINT_STATES = Topic("joint_states", JointState)
 IMU = Topic("imu", Imu, frame=TABLE)
 PRESSURE_A = Topic("pressure_a", FluidPressure)
 PRESSURE_B = Topic("pressure_b", FluidPressure)
-PRESSURE_LOAD = Topic("pressure_load", FluidPressure)
 PRESSURE_SUPPLY = Topic("pressure_supply", FluidPressure)
 VALVE_COMMAND = Topic("valve_command", JointState)
 REFERENCE = Topic("reference", JointTrajectory)
@@ -98,7 +97,6 @@ TOPICS: dict[str, Topic] = {
         IMU,
         PRESSURE_A,
         PRESSURE_B,
-        PRESSURE_LOAD,
         PRESSURE_SUPPLY,
         VALVE_COMMAND,
         REFERENCE,
