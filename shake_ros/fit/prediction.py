@@ -152,14 +152,15 @@ class Predictor(Likelihood):
         codes = [*coordinates(table), FORCE, NULL, BIAS, *([FILTERED, FILTER_RATE] if len(chain) else [])]
         numbers = np.array([*codes, *([] if s.pressure is None else [PRESSURE_OFFSET])], dtype=np.int64)
         size, channels = len(numbers), len(s.noise)
-        gains, whitening, out = (np.zeros((n, k, channels)) for k in (size, channels, 1))
-        transition, sensing = np.zeros((n, size, size)), np.zeros((n, size, channels))
+        gains, sensing = np.zeros((n, size, channels)), np.zeros((n, size, channels))
+        whitening, out = np.zeros((n, channels, channels)), np.zeros((n, channels))
+        transition = np.zeros((n, size, size))
         path = kalman(
             *(FULL_LAYOUT.alone(table)[0], s.commands, s.command_before, s.measured(vector[TABLE]), numbers),
             *(*deviations(table, s, levels, numbers), s.found_by, start_state(table, s), self.decay(s)),
-            *(s.dt, TOLERANCE, chain, vector[TABLE + 2], gains, whitening, out[:, 0], transition, sensing),
+            *(s.dt, TOLERANCE, chain, vector[TABLE + 2], gains, whitening, out, transition, sensing),
         )
-        return FilteredSegment(s, numbers, gains, whitening, out[:, 0], path, transition, sensing)
+        return FilteredSegment(s, numbers, gains, whitening, out, path, transition, sensing)
 
     def decay(self, s: Segment) -> float:
         """Part of the random force that is left after a sample [-]."""
