@@ -46,6 +46,13 @@ TRUE = {  # the same as parameters of a table
     "valve.flow_coefficient": OWN["flow"],
 }
 
+SCALED = {  # exponents of a common factor that leaves the motion of a table as it is
+    "body.table_mass": 1.0, "body.specimen_mass": 1.0, "supply.supply_pressure": 1.0, "supply.tank_pressure": 1.0,
+    "valve.flow_coefficient": -0.5, "valve.laminar_pressure": 1.0, "bulk_modulus.modulus": 1.0,
+    "bulk_modulus.reference_pressure": 1.0, "friction.coulomb_level": 1.0, "friction.stribeck_rise": 1.0,
+    "friction.viscous": 1.0, "leakage.internal": -1.0, "leakage.external": -1.0,
+}  # fmt: skip
+
 
 class Hidden(NamedTuple):
     """What the table has beyond the declared model, SI; absent at these values."""
@@ -164,4 +171,4 @@ def open_loop(commands: np.ndarray, table: Constants, hidden: Hidden | None = No
     return closed_loop(commands, none, start, table, hidden or Hidden(), 0.0, STEPS, SAMPLE_TIME)[:, 2]
 
 
-__all__ = ["OWN", "TRUE", "Constants", "Hidden", "Recorded", "constants", "excitation", "open_loop", "record"]
+__all__ = ["OWN", "SCALED", "TRUE", "Constants", "Hidden", "Recorded", "constants", "excitation", "open_loop", "record"]

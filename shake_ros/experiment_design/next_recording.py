@@ -376,11 +376,10 @@ def next_page(asked: NextRecording) -> Page:
 
 def prediction_chart(shown: PredictedExcitation) -> Chart:
     """Reference, and what each rival would leave unexplained once it is refitted to the recording."""
-    record = shown.record
+    record, felt = shown.record, shown.record.felt
     time, whole = (np.arange(n) * record.sample_time for n in (len(record.commands), len(shown.samples)))
     most = sorted(shown.separations or shown.absent, key=lambda s: -s.gain)[: len(COLOURS)]
     rests = [ChartSeries(s.rival, s.left, colour) for s, colour in zip(most, COLOURS, strict=False)]
-    felt = record.acceleration if record.acceleration is not None else np.gradient(record.velocity, record.sample_time)
     panels = (
         Panel("position [mm]", whole, (ChartSeries("reference", 1e3 * shown.samples[:, 0], "c5"),), height=130),
         Panel("acceleration [m/s²]", time, (ChartSeries("predicted by the model found", felt, "c0"),), height=150),

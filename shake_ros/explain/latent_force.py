@@ -257,8 +257,7 @@ def _estimated(passes: _Passes, best: _Pass) -> tuple[Array, Array]:
 
 def _accelerations(record: Record) -> Array:
     """What was felt, or the derivative of the velocity, from the first sample compared, shape (n,) [m/s²]."""
-    felt = record.acceleration
-    return (np.gradient(record.velocity, record.sample_time) if felt is None else felt)[record.start :]
+    return record.felt[record.start :]
 
 
 def _known(passes: _Passes, run: Array) -> dict[str, Array]:

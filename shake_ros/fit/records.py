@@ -103,6 +103,11 @@ class Record:
         object.__setattr__(self, "track", low_pass(self.position, self.sample_time))
 
     @property
+    def felt(self) -> np.ndarray:
+        """Acceleration that was measured, or the derivative of the velocity without, shape (n,) [m/s²]."""
+        return np.gradient(self.velocity, self.sample_time) if self.acceleration is None else self.acceleration
+
+    @property
     def whole(self) -> np.ndarray:
         """Whether each sample has its acceleration, shape (n,); of no meaning in a recording without one."""
         return np.ones(len(self.commands), dtype=np.bool_) if self.valid is None else self.valid

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hidden_table import SCALED
 
 import shake_ros as sr
 from shake_ros.control.reference.motion import Envelope, envelope
@@ -25,12 +26,6 @@ from shake_ros.search.problem import ScoredFit, linearised
 from shake_ros.settings import load_interlock
 
 MOVED = ("friction.viscous", "friction.coulomb_level", "bulk_modulus.modulus")
-SCALED = {  # exponents of a common factor that leaves the motion of a table as it is
-    "body.table_mass": 1.0, "body.specimen_mass": 1.0, "supply.supply_pressure": 1.0, "supply.tank_pressure": 1.0,
-    "valve.flow_coefficient": -0.5, "valve.laminar_pressure": 1.0, "bulk_modulus.modulus": 1.0,
-    "bulk_modulus.reference_pressure": 1.0, "friction.coulomb_level": 1.0, "friction.stribeck_rise": 1.0,
-    "friction.viscous": 1.0, "leakage.internal": -1.0, "leakage.external": -1.0,
-}  # fmt: skip
 FREE = [p for p in free_parameters() if p.name in MOVED]
 LIMITS = Envelope(0.05, 0.4, 6.0)
 

@@ -9,7 +9,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from hidden_table import OWN, SAMPLE_TIME, TRUE, record
+from hidden_table import OWN, SAMPLE_TIME, SCALED, TRUE, record
 
 from shake_ros.fit.likelihood import Levels
 from shake_ros.fit.model import TABLE, start_of
@@ -24,12 +24,6 @@ from shake_ros.settings import load_table
 
 QUIET = Levels(force=1e-3, null=1e-6, null_drift=1e-7, bias=1e-6, bias_drift=1e-7)
 OFFSET = 3e5  # of the transducer [Pa]
-SCALED = {  # exponents of a common factor that leaves the motion of a table as it is
-    "body.table_mass": 1.0, "body.specimen_mass": 1.0, "supply.supply_pressure": 1.0, "supply.tank_pressure": 1.0,
-    "valve.flow_coefficient": -0.5, "valve.laminar_pressure": 1.0, "bulk_modulus.modulus": 1.0,
-    "bulk_modulus.reference_pressure": 1.0, "friction.coulomb_level": 1.0, "friction.stribeck_rise": 1.0,
-    "friction.viscous": 1.0, "leakage.internal": -1.0, "leakage.external": -1.0,
-}  # fmt: skip
 
 
 @pytest.fixture(scope="module")

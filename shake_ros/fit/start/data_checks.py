@@ -245,8 +245,7 @@ def _wrong_pressure(record: Record, table: TableParameters | None) -> str:
     assert record.pressure is not None
     span = slice(record.start, None)
     pressure = record.pressure[span] - np.mean(record.pressure[span])
-    felt = record.acceleration if record.acceleration is not None else np.gradient(record.velocity, record.sample_time)
-    felt = felt[span] - np.mean(felt[span])
+    felt = record.felt[span] - np.mean(record.felt[span])
     if max(correlation(pressure, record.velocity[span]), correlation(pressure, felt)) < 0.0:
         return "the load pressure pushes against the motion (chambers A and B exchanged?)"
     if table is None or not np.any(felt):
