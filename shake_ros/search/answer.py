@@ -71,10 +71,11 @@ def answer(
         effect: tuple((known[m.model.effects[-1].name], m.model.found_table()) for m in instead)
         for effect, instead in others.items()
     }
+    reduced = {} if not models else {e: m.model.found_table() for e, m in search.reduced(models[-1]).items()}
     best = models[-1].model if models else begin
     sensor = None if behind is None else found_filter(best, behind)
     found, predicted = tuple(known[c.name] for c in best.effects), type(data.estimation) is Predictor
-    return GivenAnswer(best.found_table(), found, rivals, not done, sensor, predicted)
+    return GivenAnswer(best.found_table(), found, rivals, reduced, not done, sensor, predicted)
 
 
 def search_data(

@@ -16,7 +16,8 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from shake_ros.fit.free_parameters import FreeParameters
+from shake_ros.fit.free_parameters import FreeParameters, is_of_recording
+from shake_ros.fit.least_squares import costs
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.search.candidate_effects import CandidateEffect
 from shake_ros.search.problem import ScoredFit, SearchProblem
@@ -141,19 +142,36 @@ def decide(problem: SearchProblem, ranking: Sequence[Refit]) -> ForwardStep:
 
 
 MUCH_WORSE = 10.0  # times the score: without such an effect the model is so much worse that its fit need not converge
-FIRST, ROUGH = 10, 1e-2  # trial points and tolerance of the predictor and of the free fit that show whether it is
 
 
-def without(problem: SearchProblem, current: ScoredFit, dropped: CandidateEffect) -> ScoredFit:
-    """The fit with an effect taken out and everything else refitted; one that is far worse need not converge."""
-    settings, result, names = problem.settings, current.fit, {f.name for f in dropped.free}
-    keep = [i for i, f in enumerate(result.free.free) if f.name not in names]
-    free = FreeParameters(result.free.base, [result.free.free[i] for i in keep])
-    reduced = problem.fitted(free, result.x[keep], FIRST, ROUGH)
+def without(
+    problem: SearchProblem, current: ScoredFit, dropped: CandidateEffect, near: Sequence[TableParameters] = ()
+) -> ScoredFit:
+    """The fit with an effect taken out and everything else refitted; one that is far worse need not converge.
+
+    near : tables near it. Where there are none, predictor runs lead to it.
+    """
+    settings = problem.settings
+    free, start = taken_out(problem, current, dropped, near)
+    reduced = problem.roughly(free, start, near=bool(near))
     if reduced.score < MUCH_WORSE * current.score:
         most = settings.continued_evaluations
         reduced = problem.fitted(free, reduced.fit.x, most, settings.converged, near=True)
     return reduced
+
+
+def taken_out(
+    problem: SearchProblem, current: ScoredFit, dropped: CandidateEffect, near: Sequence[TableParameters]
+) -> tuple[FreeParameters, np.ndarray]:
+    """What a model without one of its effects is free in, and where its fit starts: there, or at the best of tables."""
+    result, names = current.fit, {f.name for f in dropped.free}
+    keep = [i for i, f in enumerate(result.free.free) if f.name not in names]
+    free = FreeParameters(result.free.base, [result.free.free[i] for i in keep])
+    own = [i for i, name in enumerate(free.names) if not is_of_recording(name)]
+    starts = np.tile(result.x[keep], (1 + len(near), 1))
+    for row, table in zip(starts[1:], near, strict=True):
+        row[own] = free.x_of({free.names[i]: table.value(free.names[i]) for i in own})[own]
+    return free, starts[int(np.argmin(costs(problem.estimation, free, starts)))] if near else starts[0]
 
 
 def in_its_place(

@@ -154,6 +154,10 @@ class SetSearch:
             self._without[key] = self.scored(found.model.without(effect.name), LONG, found.levels, self._loose)
         return self._without[key]
 
+    def reduced(self, found: Scored) -> dict[str, Scored]:
+        """The models without one of its effects that have been fitted from it, by effect."""
+        return {effect: less for (more, effect), less in self._without.items() if more is found}
+
     def _optional(self, found: Scored) -> list[TriedEffect]:
         """Effects that a model may do without."""
         return [e for e in found.model.effects if e.name not in self.certain]

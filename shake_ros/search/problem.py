@@ -21,7 +21,7 @@ from shake_ros.fit.nuisances.equal_commands import FreeAndPredictor, process_noi
 from shake_ros.fit.nuisances.estimates import NuisanceEstimates
 from shake_ros.fit.recording_problem import RecordingProblem
 from shake_ros.fit.records import FULL, DeclaredModel, Record, windows
-from shake_ros.fit.start.narrow_valleys import INJECTION, approached
+from shake_ros.fit.start.narrow_valleys import INJECTION, Approach, arrived, predictor_start
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.physics.plant.simulation import workers
 from shake_ros.search.candidate_effects import CandidateEffect
@@ -30,6 +30,7 @@ from shake_ros.search.search_settings import SearchSettings
 T = TypeVar("T")
 R = TypeVar("R")
 Progress = Callable[[str, float], None]
+FIRST, ROUGH = 4, 1e-2  # trial points and tolerance of a fit that shows whether a model is far worse
 
 
 @dataclass(frozen=True)
@@ -145,12 +146,21 @@ class SearchProblem:
     def fitted(
         self, free: FreeParameters, start: np.ndarray, evaluations: int, tolerance: float, *, near: bool = False
     ) -> ScoredFit:
-        """A fit to the estimation data from `start`, which may be `near` its end, scored."""
+        """A fit to the estimation data from `start`, scored; by way of the pieces where it is not `near` its end."""
         if near:
             return self.scored(fit(self.estimation, free, start, evaluations=evaluations, tolerance=tolerance))
-        least = self.settings.remaining_above**2 * self.estimation.noise_cost()
-        result = approached(self.estimation, free, start, evaluations=evaluations, tolerance=tolerance, near=least)
-        return self.scored(result)
+        pieces = self.estimation_pieces
+        least = self.settings.remaining_above**2 * pieces.noise_cost()
+        way = predictor_start(pieces, free, start, evaluations=evaluations, tolerance=tolerance, near=least)
+        return self.scored(arrived(self.estimation, free, way, evaluations=evaluations, tolerance=tolerance))
+
+    def roughly(self, free: FreeParameters, start: np.ndarray, *, near: bool = False) -> ScoredFit:
+        """A fit to the pieces that ends early, scored on all data: it shows whether a model is far worse."""
+        way = Approach(start)
+        if not near:
+            way = predictor_start(self.estimation_pieces, free, start, evaluations=FIRST, tolerance=ROUGH)
+        result = arrived(self.estimation_pieces, free, way, evaluations=FIRST, tolerance=ROUGH)
+        return self.scored(linearised(self.estimation, result))
 
     def converged_again(self, model: ScoredFit) -> ScoredFit:
         """A model fitted to these data from where it stands."""

@@ -18,7 +18,7 @@ from shake_ros.fit.nuisances.sensor_filter import SensorFilter
 from shake_ros.fit.start.narrow_valleys import from_slow_to_fast
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.search.candidate_effects import CandidateEffect
-from shake_ros.search.decision import ForwardStep, Refit, absent_on, decide, in_its_place, ranked
+from shake_ros.search.decision import ForwardStep, Refit, absent_on, decide, in_its_place, ranked, taken_out
 from shake_ros.search.declared_fit import fit_declared, with_late_parameters
 from shake_ros.search.problem import ModelStructure, ScoredFit, SearchProblem, mean_square
 from shake_ros.search.unlisted_functions import FunctionSearch
@@ -28,15 +28,16 @@ from shake_ros.search.unlisted_functions import FunctionSearch
 class Selection:
     """Fit of the declared model, steps, final fit.
 
-    removed : effects taken out again. functions : what was tried for something that no listed effect explains.
-    stopped : whether the search ended before it was done. nuisances : estimates of the recordings' nuisance parameters
-    with its models.
+    removed : effects taken out again. without : by effect, a table near the fit without it. functions : what was tried
+    for something that no listed effect explains. stopped : whether the search ended before it was done. nuisances :
+    estimates of the recordings' nuisance parameters with its models.
     """
 
     declared: ScoredFit
     steps: tuple[ForwardStep, ...]
     final: ScoredFit
     removed: tuple[str, ...] = ()
+    without: Mapping[str, TableParameters] = field(default_factory=dict)
     functions: FunctionSearch | None = None
     stopped: bool = False
     nuisances: NuisanceEstimates = field(default_factory=NuisanceEstimates)
@@ -68,9 +69,6 @@ class Selection:
         return replace(self, steps=(*self.steps, step), final=step.chosen.result)
 
 
-ALONG = 6  # trial points of a model on the way, whose error is all that is asked
-
-
 @dataclass(frozen=True)
 class GivenAnswer:
     """Effects with the values that a search has found.
@@ -78,46 +76,58 @@ class GivenAnswer:
     Attributes
     ----------
     table : with all of them. effects : candidates, the one that explains most first. rivals : candidates that explain
-    nearly as much in the place of an effect, each with a table that has it. stopped : whether the search ended before
-    it was done. behind : delay and filter of the accelerometer, where the search has fitted them. predicted : whether
-    it has fitted a predictor, and no free runs.
+    nearly as much in the place of an effect, each with a table that has it. without : by effect, a table fitted without
+    it. stopped : whether the search ended before it was done. behind : delay and filter of the accelerometer, where the
+    search has fitted them. predicted : whether it has fitted a predictor, and no free runs.
     """
 
     table: TableParameters
     effects: tuple[CandidateEffect, ...]
     rivals: Mapping[str, Sequence[tuple[CandidateEffect, TableParameters]]]
+    without: Mapping[str, TableParameters] = field(default_factory=dict)
     stopped: bool = False
     behind: SensorFilter | None = None
     predicted: bool = False
 
 
 def selection_of(problem: SearchProblem, model: ModelStructure, answer: GivenAnswer) -> Selection:
-    """The models from the declared one to that with all effects, each fitted to free runs from the values given."""
-    settings, free = problem.settings, (*model.free, *model.late)
+    """The declared model and that with all effects, fitted to free runs; those between roughly, each from the next."""
     declared = fit_declared(problem, FreeParameters(model.table, model.free), bool(answer.effects))
     declared = with_late_parameters(problem, declared)
-    steps, final = list[ForwardStep](), declared
-    for count, candidate in enumerate(answer.effects, start=1):
-        problem.progress(f"fitting free runs with {candidate.effect}", 0.5 + 0.4 * count / len(answer.effects))
-        among = answer.effects[:count]
-        bare = answer.table.without([c.effect for c in answer.effects[count:]])
-        parameters = FreeParameters(absent_on(bare, among, bare), [*free, *(p for c in among for p in c.free)])
-        tables = [answer.table]
-        if model.fitted is not None and {c.effect for c in among} == set(model.shown):
-            tables.append(model.fitted)  # a fit of free runs from where the search began
-        own = [n for n in parameters.names if not is_of_recording(n)]
-        starts = np.array([parameters.x_of({n: t.value(n) for n in own}) for t in tables])
-        start = starts[int(np.argmin(costs(problem.estimation, parameters, starts)))]
-        last = count == len(answer.effects)
-        if last and (least_known := [p.name for c in among if c.narrow for p in reversed(c.free)]):
-            problem.progress("slow motion first, then faster", 0.9)
-            start = from_slow_to_fast(problem.estimation_pieces, parameters, [start], least_known)
-        most = settings.converging_evaluations if last else ALONG
-        final = problem.fitted(parameters, start, most, settings.converged, near=True)
-        chosen = Refit(candidate, final, predicted_gain(steps, declared, final))
+    if not answer.effects:
+        return Selection(declared, (), declared, stopped=answer.stopped)
+    final = _with_all(problem, model, answer)
+    models = [final]
+    for candidate in answer.effects[:0:-1]:
+        known = answer.without.get(candidate.effect) if models[0] is final else None
+        free, start = taken_out(problem, models[0], candidate, [model.table if known is None else known])
+        models.insert(0, problem.roughly(free, start, near=True))
+    steps = list[ForwardStep]()
+    for candidate, before, after in zip(answer.effects, [declared, *models], models, strict=False):
+        chosen = Refit(candidate, after, 1.0 - after.estimation_cost / max(before.estimation_cost, 1e-300))
         steps.append(ForwardStep(chosen, (chosen,)))
-    found = Selection(declared, tuple(steps), final, stopped=answer.stopped)
+    found = Selection(declared, tuple(steps), final, without=answer.without, stopped=answer.stopped)
     return found if answer.stopped else with_rivals(problem, found, answer.rivals)
+
+
+def _with_all(problem: SearchProblem, model: ModelStructure, answer: GivenAnswer) -> ScoredFit:
+    """The fit of free runs with all effects."""
+    settings, effects = problem.settings, answer.effects
+    problem.progress(f"fitting free runs with {' + '.join(c.effect for c in effects)}", 0.5)
+    free = [*model.free, *model.late, *(p for c in effects for p in c.free)]
+    parameters = FreeParameters(absent_on(answer.table, effects, answer.table), free)
+    tables = [answer.table]
+    if model.fitted is not None and {c.effect for c in effects} == set(model.shown):
+        tables.append(model.fitted)  # a fit of free runs from where the search began
+    own = [n for n in parameters.names if not is_of_recording(n)]
+    starts = np.array([parameters.x_of({n: t.value(n) for n in own}) for t in tables])
+    start = starts[int(np.argmin(costs(problem.estimation, parameters, starts)))]
+    if least_known := [p.name for c in effects if c.narrow for p in reversed(c.free)]:
+        problem.progress("slow motion first, then faster", 0.7)
+        start = from_slow_to_fast(problem.estimation_pieces, parameters, [start], least_known)
+    again = model.simulator.nuisances  # the fit is repeated once these are estimated
+    tolerance = settings.continued_tolerance if again else settings.converged
+    return problem.fitted(parameters, start, settings.converging_evaluations, tolerance, near=True)
 
 
 def better_beginning(problem: SearchProblem, model: ModelStructure, found: Selection) -> GivenAnswer | None:
@@ -133,7 +143,7 @@ def better_beginning(problem: SearchProblem, model: ModelStructure, found: Selec
     left = problem.validation_residuals(own.vectors(own.start())[0])
     if mean_square(left) >= found.final.validation_cost:
         return None
-    return GivenAnswer(model.fitted, effects, {}, found.stopped)
+    return GivenAnswer(model.fitted, effects, {}, stopped=found.stopped)
 
 
 def with_rivals(
@@ -153,9 +163,3 @@ def with_rivals(
         steps = (*found.steps[:number], better, *found.steps[number + 1 :])
         found = replace(found, steps=steps, final=better.chosen.result)
     return found
-
-
-def predicted_gain(steps: Sequence[ForwardStep], declared: ScoredFit, now: ScoredFit) -> float:
-    """Relative fall of the estimation cost by the last step [-]."""
-    before = steps[-1].chosen.result if steps else declared
-    return 1.0 - now.estimation_cost / max(before.estimation_cost, 1e-300)

@@ -73,9 +73,10 @@ def verdict_of(
     settings, final = problem.settings, found.final
     candidate, noise = step.chosen.candidate, problem.validation.noise_cost()
     left = 0.0 if candidate.effect in shown else unexplained(problem, final)
-    reduced = without(problem, final, candidate)
-    if len(found.steps) == 1:  # a fit from the declared values may have ended in another valley
-        reduced = min(reduced, found.declared, key=lambda m: m.score)
+    near = [found.without[candidate.effect]] if candidate.effect in found.without else []
+    if len(found.steps) == 1:
+        near.append(found.declared.fit.table)
+    reduced = without(problem, final, candidate, near)
     worth = float(np.sqrt(reduced.validation_cost / final.validation_cost))
     bounds = resting_parameters(final, step)
     odds = log_odds(problem, final, reduced, 1)
