@@ -45,7 +45,7 @@ def foreign(case: foreign_tables.Case) -> list[Record]:
 def report(records: list[Record], what: str) -> tuple[bool, bool]:
     """One line of a table; whether it has backlash and whether that shows."""
     ratios = np.concatenate([dwells(r) for r in records])
-    print(f"{what:60s} {np.mean(ratios > LONG):5.2f} of {len(ratios)}", flush=True)
+    print(f"{what:60s} {np.mean(ratios > LONG):6.3f} of {len(ratios)}", flush=True)
     return BACKLASH in what, share_of_dwells(records) > SHARE
 
 

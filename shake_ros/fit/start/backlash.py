@@ -1,9 +1,10 @@
 """Backlash as the acceleration shows it without a model: whether there is any, and about how wide it is.
 
 Nothing pushes the table while the rod crosses the gap, so the acceleration dwells at zero each time that the force
-changes sign in motion. Without backlash it passes through zero about as fast as it has approached: the time within a
-band about zero is that from three times the band to it. A table at rest may stick and is left out. A steady force moves
-the dwells away from zero and hides them, as does noise of their size.
+changes sign in motion, and leaves at once when the rod strikes. Without backlash it passes through zero about as fast
+as it has approached: the time within a band about zero is that from three times the band to it. Where a soft zone or
+friction keeps it there, it leaves no faster than it came. A table at rest may stick and is left out. A steady force
+moves the dwells away from zero and hides them, as does noise of their size.
 
 During a dwell the table keeps its velocity and the rod follows the valve, so the gap is about the integral of the
 difference; it comes out too small where a dwell is noticed late.
@@ -22,14 +23,14 @@ BACKLASH = "coupling_backlash"
 NOISE, SIZE = 4.0, 0.01  # half width of the band: standard deviations of the noise, or parts of the acceleration's
 AT_REST = 0.1  # of the velocity's standard deviation, below which a table may stick
 LONG = 3.0  # times what the way to the band has taken, from which it is a dwell
-FEWEST = 10  # changes of sign that count
-SHARE = 0.25  # of these that dwell, from which backlash is reported; without it at most 0.1 do
+FEWEST = 5  # dwells at least
+SHARE = 0.05  # of the changes of sign, from which they show backlash: without it at most 0.021 dwell, on 81 tables
 
 
 def share_of_dwells(records: Sequence[Record]) -> float:
-    """Part of the acceleration's changes of sign in motion that dwells at zero [-]; 0 of too few of them."""
-    ratios = np.concatenate([np.zeros(0), *(dwells(r) for r in records if r.acceleration is not None)])
-    return float(np.mean(ratios > LONG)) if len(ratios) >= FEWEST else 0.0
+    """Part of the acceleration's changes of sign in motion that dwells at zero [-]; 0 of too few dwells."""
+    long = np.concatenate([np.zeros(0), *(dwells(r) for r in records if r.acceleration is not None)]) > LONG
+    return float(np.mean(long)) if np.sum(long) >= FEWEST else 0.0
 
 
 def shows_backlash(records: Sequence[Record]) -> bool:
@@ -40,6 +41,8 @@ def shows_backlash(records: Sequence[Record]) -> bool:
 def dwells(record: Record) -> np.ndarray:
     """Time within the band over that of the way to it, of each change of the acceleration's sign in motion, shape (m,).
 
+    0 where the way from the band takes longer than that to it: nothing strikes there.
+
     >>> from types import SimpleNamespace
     >>> time = np.arange(3000) * 1e-3
     >>> a, v = np.sin(9.0 * time), 1.0 + 0.5 * np.sin(time)
@@ -48,16 +51,16 @@ def dwells(record: Record) -> np.ndarray:
     >>> bool(np.median(dwells(of(a))) < 1.5), bool(np.median(dwells(of(np.where(abs(a) < 0.3, 0.0, a)))) > 3.0)
     (True, True)
     """
-    last, first, before = _changes_of_sign(record)
-    return np.asarray((first - last) / before)
+    last, first, before, struck = _changes_of_sign(record)
+    return np.where(struck, (first - last) / before, 0.0)
 
 
 def width_of_gap(records: Sequence[Record]) -> float:
     """Width of the gap [m], within about a factor of two: the upper quartile over the dwells; 0 without a dwell."""
     found = []
     for record in (r for r in records if r.acceleration is not None):
-        last, first, before = _changes_of_sign(record)
-        long = first - last > LONG * before
+        last, first, before, struck = _changes_of_sign(record)
+        long = struck & (first - last > LONG * before)
         u = slow_gain([record]) * record.commands[record.start :]
         relative = np.concatenate([[0.0], np.cumsum(u - record.velocity[record.start :])])
         at_first = (relative[last + 1] - relative[last]) * (first - last)  # the two move together where it begins
@@ -67,17 +70,24 @@ def width_of_gap(records: Sequence[Record]) -> float:
     return float(np.quantile(widths, 0.75)) if len(widths) else 0.0
 
 
-def _changes_of_sign(record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Last sample before the band, first one beyond it, samples of the way to it; of each change that counts, (m,)."""
+def _changes_of_sign(record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Last sample before the band, first one beyond it, samples of the way to it; of each change that counts, (m,).
+
+    The last array says whether the way from the band takes no longer.
+    """
     assert record.acceleration is not None
     a, v = record.acceleration[record.start :], record.velocity[record.start :]
     band = max(NOISE * record.acceleration_noise(), SIZE * float(np.std(a)))
     places = np.arange(len(a))
-    beyond = np.maximum.accumulate(np.where(np.abs(a) > 3.0 * band, places, -1))
+    far = np.abs(a) > 3.0 * band
+    beyond = np.maximum.accumulate(np.where(far, places, -1))
+    again = np.minimum.accumulate(np.where(far, places, len(a))[::-1])[::-1]
     resting = np.concatenate([[0], np.cumsum(np.abs(v) < AT_REST * np.std(v))])
     outside = np.flatnonzero(np.abs(a) > band)
     changes = np.flatnonzero(np.diff(np.sign(a[outside])))
     last, first = outside[changes], outside[changes + 1]
     began = np.concatenate([[0], first[:-1]])  # when it came to this side
     counts = (beyond[last] >= began[: len(last)]) & (resting[first + 1] == resting[last])
-    return last[counts], first[counts], np.maximum(last - beyond[last], 1)[counts]
+    before = np.maximum(last - beyond[last], 1)
+    struck = again[first] - first < before
+    return last[counts], first[counts], before[counts], struck[counts]
