@@ -116,7 +116,7 @@ def linearised(
         places.append(tuple(range(taken, taken + len(t.directions))))
         taken += len(t.directions)
         for values in t.directions:
-            bigger = before(model, t.candidate).with_effect(t.candidate, values)
+            bigger = before(model, t).with_effect(t.candidate, values)
             rows.append(bigger.vectors(bigger.x)[0])
     at, step = differences(fitted.prediction, model, model.x)
     data, vectors = (fitted.prediction, *beside), np.vstack([at, *rows])
@@ -175,12 +175,13 @@ def size(trial: EffectTrial) -> float:
     return max(abs(d.get(n, 0.0)) for d in trial.directions for n in trial.candidate.scaled)
 
 
-def before(model: FreeModel, candidate: TriedEffect) -> FreeModel:
-    """A model as a candidate is tried on it: one of friction with the declared friction.
+def before(model: FreeModel, trial: EffectTrial) -> FreeModel:
+    """A model as an effect is tried on it: a finite one of friction with the declared friction.
 
-    Friction bends first where it lacks something, and where it has gone to zero nothing that changes it shows.
+    Friction bends first where it lacks something, and where it has gone to zero nothing that changes it shows. A slight
+    trial shows the derivative where the model stands.
     """
-    if candidate.place != FRICTION:
+    if trial.candidate.place != FRICTION or trial.most > LARGEST:
         return model
     declared = [model.table.value(n) / s for n, s in zip(model.names, model.scale, strict=True) if n.startswith(OWN)]
     x = model.x.copy()
@@ -271,7 +272,7 @@ def start(fitted: PredictorFit, proposal: EffectSet) -> FreeModel:
     model, found = fitted.model, list[FreeModel]()
     most = SHIFT * np.maximum(1.0, PART * np.abs(model.x))
     for trial in proposal.trials:
-        model = before(model, trial.candidate)
+        model = before(model, trial)
     for part in MULTIPLES:
         for beside in (np.clip(part * proposal.change, -most, most), 0.0):
             bigger = model.at(model.x + beside)

@@ -50,9 +50,9 @@ def test_two_effects_at_once_are_both_named() -> None:
     }
 
 
-@pytest.mark.parametrize("effect", ["dead_volume", "presliding_friction"])
+@pytest.mark.parametrize("effect", ["dead_volume", "presliding_friction", "friction_asymmetry"])
 def test_what_other_parameters_nearly_compensate_is_proposed_first(effect: str) -> None:
-    """Bulk modulus stands for most of a dead volume; dry friction at zero hides what changes it."""
+    """Bulk modulus stands for most of a dead volume, friction fitted amiss or at zero hides what changes it."""
     commands = hidden_tables.excitations(2201, 0.3)
     truth = hidden_tables.with_effect(hidden_tables.declared_truth(2201), effect, 0.3, commands, 2201)
     runs = []
