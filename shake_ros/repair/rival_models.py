@@ -91,5 +91,6 @@ def _instead_of(
 
     made = list(side_by_side(instead, close))
     if verdict.state != ONE_OF_THESE:
-        made.append(RivalModel(f"without {effect}", without(problem, found.final, step.chosen.candidate), number))
+        less = without(problem, found.final, step.chosen.candidate, found.near_without(effect))
+        made.append(RivalModel(f"without {effect}", less, number))
     return made

@@ -64,6 +64,11 @@ class Selection:
             steps.append(replace(step, chosen=chosen, ranking=(chosen, *step.ranking[1:])))
         return replace(self, declared=moved(self.declared), steps=tuple(steps), final=final)
 
+    def near_without(self, effect: str) -> list[TableParameters]:
+        """Tables near the fit without one of the effects; none where the search has no such fit."""
+        known = [self.without[effect]] if effect in self.without else []
+        return [*known, self.declared.fit.table] if len(self.steps) == 1 else known
+
     def with_step(self, step: ForwardStep) -> Selection:
         """One effect more."""
         return replace(self, steps=(*self.steps, step), final=step.chosen.result)
@@ -103,7 +108,7 @@ def selection_of(problem: SearchProblem, model: ModelStructure, answer: GivenAns
         free, start = taken_out(problem, models[0], candidate, [model.table if known is None else known])
         models.insert(0, problem.roughly(free, start, near=True))
     steps = list[ForwardStep]()
-    for candidate, before, after in zip(answer.effects, [declared, *models], models, strict=False):
+    for candidate, before, after in zip(answer.effects, [declared, *models[:-1]], models, strict=True):
         chosen = Refit(candidate, after, 1.0 - after.estimation_cost / max(before.estimation_cost, 1e-300))
         steps.append(ForwardStep(chosen, (chosen,)))
     found = Selection(declared, tuple(steps), final, without=answer.without, stopped=answer.stopped)
@@ -125,9 +130,7 @@ def _with_all(problem: SearchProblem, model: ModelStructure, answer: GivenAnswer
     if least_known := [p.name for c in effects if c.narrow for p in reversed(c.free)]:
         problem.progress("slow motion first, then faster", 0.7)
         start = from_slow_to_fast(problem.estimation_pieces, parameters, [start], least_known)
-    again = model.simulator.nuisances  # the fit is repeated once these are estimated
-    tolerance = settings.continued_tolerance if again else settings.converged
-    return problem.fitted(parameters, start, settings.converging_evaluations, tolerance, near=True)
+    return problem.fitted(parameters, start, settings.converging_evaluations, settings.converged, near=True)
 
 
 def better_beginning(problem: SearchProblem, model: ModelStructure, found: Selection) -> GivenAnswer | None:

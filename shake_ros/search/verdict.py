@@ -73,10 +73,7 @@ def verdict_of(
     settings, final = problem.settings, found.final
     candidate, noise = step.chosen.candidate, problem.validation.noise_cost()
     left = 0.0 if candidate.effect in shown else unexplained(problem, final)
-    near = [found.without[candidate.effect]] if candidate.effect in found.without else []
-    if len(found.steps) == 1:
-        near.append(found.declared.fit.table)
-    reduced = without(problem, final, candidate, near)
+    reduced = without(problem, final, candidate, found.near_without(candidate.effect))
     worth = float(np.sqrt(reduced.validation_cost / final.validation_cost))
     bounds = resting_parameters(final, step)
     odds = log_odds(problem, final, reduced, 1)
