@@ -13,6 +13,7 @@ difference; it comes out too small where a dwell is noticed late.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -51,8 +52,8 @@ def dwells(record: Record) -> np.ndarray:
     >>> bool(np.median(dwells(of(a))) < 1.5), bool(np.median(dwells(of(np.where(abs(a) < 0.3, 0.0, a)))) > 3.0)
     (True, True)
     """
-    last, first, before, struck = _changes_of_sign(record)
-    return np.where(struck, (first - last) / before, 0.0)
+    each = _changes_of_sign(record)
+    return np.where(each.struck, (each.first - each.last) / each.before, 0.0)
 
 
 def width_of_gap(records: Sequence[Record]) -> float:
@@ -70,11 +71,21 @@ def width_of_gap(records: Sequence[Record]) -> float:
     return float(np.quantile(widths, 0.75)) if len(widths) else 0.0
 
 
-def _changes_of_sign(record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Last sample before the band, first one beyond it, samples of the way to it; of each change that counts, (m,).
+class SignChanges(NamedTuple):
+    """Changes of the acceleration's sign that count, arrays of shape (m,).
 
-    The last array says whether the way from the band takes no longer.
+    last, first : sample before the band, and beyond it. before : samples of the way to it. struck : whether the way
+    from it takes no longer.
     """
+
+    last: np.ndarray
+    first: np.ndarray
+    before: np.ndarray
+    struck: np.ndarray
+
+
+def _changes_of_sign(record: Record) -> SignChanges:
+    """Those of one record."""
     assert record.acceleration is not None
     a, v = record.acceleration[record.start :], record.velocity[record.start :]
     band = max(NOISE * record.acceleration_noise(), SIZE * float(np.std(a)))
@@ -90,4 +101,4 @@ def _changes_of_sign(record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray
     counts = (beyond[last] >= began[: len(last)]) & (resting[first + 1] == resting[last])
     before = np.maximum(last - beyond[last], 1)
     struck = again[first] - first < before
-    return last[counts], first[counts], before[counts], struck[counts]
+    return SignChanges(last[counts], first[counts], before[counts], struck[counts])
