@@ -47,5 +47,5 @@ def test_slow_runs_find_a_gap_that_a_predictor_does_not(segment: Segment, factor
     slow = fit([SlowRuns([segment], FREE)], beside(factor), Budget(), steps=8).model.value(GAP)
     followed = fit([Predictor([segment], STILL)], beside(factor), Budget(), steps=8).model.value(GAP)
     print(f"gap from {factor:g}: {slow / TRUTH.coupling_backlash:.3f}, {followed / TRUTH.coupling_backlash:.3f} times")
-    assert slow == pytest.approx(TRUTH.coupling_backlash, rel=0.12)  # 4 or 9 %, by the processor's rounding
+    assert slow == pytest.approx(TRUTH.coupling_backlash, rel=0.12)  # from 1.5: 9 % on one processor, < 6 % on others
     assert abs(followed - TRUTH.coupling_backlash) > 0.3 * TRUTH.coupling_backlash
