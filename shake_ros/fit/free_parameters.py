@@ -139,6 +139,10 @@ class FreeParameters:
             wanted[self.names.index(name)] = value
         return np.clip(wanted / self.scales(wanted / self.scale), self.low, self.high)
 
+    def x_on(self, table: TableParameters) -> np.ndarray:
+        """x of a table, what is free of one recording alone as on the base."""
+        return self.x_of({name: table.value(name) for name in self.names if not is_of_recording(name)})
+
     def extended(self, more: Sequence[FreeParameter]) -> FreeParameters:
         """These and more of them."""
         return FreeParameters(self.base, [*self.free, *(m for m in more if m.name not in self.names)])

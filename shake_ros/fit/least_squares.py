@@ -106,6 +106,11 @@ def costs(problem: Problem, free: FreeParameters, rows: np.ndarray) -> np.ndarra
     return 0.5 * np.asarray(np.sum(left**2, axis=1))
 
 
+def best_start(problem: Problem, free: FreeParameters, rows: np.ndarray) -> np.ndarray:
+    """The row of x that leaves the least sum of squares, shape (p,)."""
+    return np.asarray(rows[int(np.argmin(costs(problem, free, rows)))])
+
+
 def is_smooth(problem: Problem) -> bool:
     """Whether a problem says so of itself."""
     return bool(getattr(problem, "smooth", False))

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from shake_ros.fit.free_parameters import FreeParameter, FreeParameters
-from shake_ros.fit.least_squares import Fit, costs, fit
+from shake_ros.fit.least_squares import Fit, best_start, fit
 from shake_ros.measured.harmonics import HarmonicAccount, HarmonicAmplitudes, HarmonicProblem, account
 from shake_ros.physics.plant.parameters import TableParameters
 
@@ -97,7 +97,7 @@ def best_of(
     short = []
     for centre in centres:
         starts = spread(free, centre, count, rng)
-        start = starts[int(np.argmin(costs(problem, free, starts)))]
+        start = best_start(problem, free, starts)
         short.append(fit(problem, free, start, evaluations=SHORT, tolerance=1e-3))
     best = min(short, key=lambda f: f.cost)
     return fit(problem, free, best.x, evaluations=LONG, tolerance=1e-4)

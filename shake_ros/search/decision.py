@@ -17,7 +17,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from shake_ros.fit.free_parameters import FreeParameters, is_of_recording
-from shake_ros.fit.least_squares import costs
+from shake_ros.fit.least_squares import best_start
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.search.candidate_effects import CandidateEffect
 from shake_ros.search.problem import ScoredFit, SearchProblem
@@ -170,8 +170,8 @@ def taken_out(
     own = [i for i, name in enumerate(free.names) if not is_of_recording(name)]
     starts = np.tile(result.x[keep], (1 + len(near), 1))
     for row, table in zip(starts[1:], near, strict=True):
-        row[own] = free.x_of({free.names[i]: table.value(free.names[i]) for i in own})[own]
-    return free, starts[int(np.argmin(costs(problem.estimation, free, starts)))] if near else starts[0]
+        row[own] = free.x_on(table)[own]
+    return free, best_start(problem.estimation, free, starts) if near else starts[0]
 
 
 def in_its_place(

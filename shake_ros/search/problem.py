@@ -21,7 +21,7 @@ from shake_ros.fit.nuisances.equal_commands import FreeAndPredictor, process_noi
 from shake_ros.fit.nuisances.estimates import NuisanceEstimates
 from shake_ros.fit.recording_problem import RecordingProblem
 from shake_ros.fit.records import FULL, DeclaredModel, Record, windows
-from shake_ros.fit.start.narrow_valleys import INJECTION, Approach, arrived, predictor_start
+from shake_ros.fit.start.narrow_valleys import INJECTION, approached, arrived, predictor_start
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.physics.plant.simulation import workers
 from shake_ros.search.candidate_effects import CandidateEffect
@@ -156,10 +156,8 @@ class SearchProblem:
 
     def roughly(self, free: FreeParameters, start: np.ndarray, *, near: bool = False) -> ScoredFit:
         """A fit to the pieces that ends early, scored on all data: it shows whether a model is far worse."""
-        way = Approach(start)
-        if not near:
-            way = predictor_start(self.estimation_pieces, free, start, evaluations=FIRST, tolerance=ROUGH)
-        result = arrived(self.estimation_pieces, free, way, evaluations=FIRST, tolerance=ROUGH)
+        led = fit if near else approached
+        result = led(self.estimation_pieces, free, start, evaluations=FIRST, tolerance=ROUGH)
         return self.scored(linearised(self.estimation, result))
 
     def converged_again(self, model: ScoredFit) -> ScoredFit:

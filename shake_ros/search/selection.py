@@ -11,8 +11,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from shake_ros.fit.free_parameters import FreeParameters, is_of_recording
-from shake_ros.fit.least_squares import costs
+from shake_ros.fit.free_parameters import FreeParameters
+from shake_ros.fit.least_squares import best_start
 from shake_ros.fit.nuisances.estimates import NuisanceEstimates
 from shake_ros.fit.nuisances.sensor_filter import SensorFilter
 from shake_ros.fit.start.narrow_valleys import from_slow_to_fast
@@ -124,9 +124,7 @@ def _with_all(problem: SearchProblem, model: ModelStructure, answer: GivenAnswer
     tables = [answer.table]
     if model.fitted is not None and {c.effect for c in effects} == set(model.shown):
         tables.append(model.fitted)  # a fit of free runs from where the search began
-    own = [n for n in parameters.names if not is_of_recording(n)]
-    starts = np.array([parameters.x_of({n: t.value(n) for n in own}) for t in tables])
-    start = starts[int(np.argmin(costs(problem.estimation, parameters, starts)))]
+    start = best_start(problem.estimation, parameters, np.array([parameters.x_on(t) for t in tables]))
     if least_known := [p.name for c in effects if c.narrow for p in reversed(c.free)]:
         problem.progress("slow motion first, then faster", 0.7)
         start = from_slow_to_fast(problem.estimation_pieces, parameters, [start], least_known)

@@ -15,7 +15,7 @@ from shake_ros.api.fitted import Data, fit_data
 from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.fit.free_parameters import FreeParameters
-from shake_ros.fit.least_squares import Fit, costs, fit
+from shake_ros.fit.least_squares import Fit, best_start, fit
 from shake_ros.fit.recording_problem import RecordingProblem
 from shake_ros.fit.records import FULL, Record, relative_error
 from shake_ros.physics.plant.parameters import TableParameters
@@ -83,7 +83,7 @@ def with_effect(settings: Mapping[str, Any], declared: Fit, windows: list[Record
     problem = RecordingProblem(windows[:: max(len(windows) // ENOUGH, 1)])
     values = dict(zip(declared.free.names, (declared.x * declared.free.scale).tolist(), strict=True))
     starts = np.array([free.x_of({**values, **trial}) for trial in candidate.trials])
-    start = starts[int(np.argmin(costs(problem, free, starts)))]
+    start = best_start(problem, free, starts)
     return free.table(fit(problem, free, start, evaluations=15, tolerance=1e-3).x)
 
 

@@ -52,16 +52,15 @@ def dwells(record: Record) -> np.ndarray:
     >>> bool(np.median(dwells(of(a))) < 1.5), bool(np.median(dwells(of(np.where(abs(a) < 0.3, 0.0, a)))) > 3.0)
     (True, True)
     """
-    each = _changes_of_sign(record)
-    return np.where(each.struck, (each.first - each.last) / each.before, 0.0)
+    return _changes_of_sign(record).ratios
 
 
 def width_of_gap(records: Sequence[Record]) -> float:
     """Width of the gap [m], within about a factor of two: the upper quartile over the dwells; 0 without a dwell."""
     found = []
     for record in (r for r in records if r.acceleration is not None):
-        last, first, before, struck = _changes_of_sign(record)
-        long = struck & (first - last > LONG * before)
+        each = _changes_of_sign(record)
+        last, first, long = each.last, each.first, each.ratios > LONG
         u = slow_gain([record]) * record.commands[record.start :]
         relative = np.concatenate([[0.0], np.cumsum(u - record.velocity[record.start :])])
         at_first = (relative[last + 1] - relative[last]) * (first - last)  # the two move together where it begins
@@ -82,6 +81,11 @@ class SignChanges(NamedTuple):
     first: np.ndarray
     before: np.ndarray
     struck: np.ndarray
+
+    @property
+    def ratios(self) -> np.ndarray:
+        """As of `dwells`."""
+        return np.where(self.struck, (self.first - self.last) / self.before, 0.0)
 
 
 def _changes_of_sign(record: Record) -> SignChanges:

@@ -30,7 +30,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from shake_ros.fit.free_parameters import FreeParameters
-from shake_ros.fit.least_squares import LOST, Adjustment, Fit, Problem, costs, fit, time_is_over
+from shake_ros.fit.least_squares import LOST, Adjustment, Fit, Problem, best_start, costs, fit, time_is_over
 from shake_ros.fit.recording_problem import RecordingProblem
 
 INJECTION = 40.0  # [1/s] slow beside the oil column, fast beside the time over which a free run loses its phase
@@ -146,7 +146,7 @@ def from_slow_to_fast(
     known first, three at most. most : half the sum of squares that is of use; the way ends after a band that leaves
     FALL times as much. When the time budget is over it ends where it is.
     """
-    x = _best(slow(problem), free, np.array(starts))
+    x = best_start(slow(problem), free, np.array(starts))
     for band in BANDS:
         if time_is_over():
             break
@@ -157,7 +157,7 @@ def from_slow_to_fast(
         x = _tried(problem, band, free, x, own)
         if costs(problem, free, x)[0] > FALL * most:
             break
-        anew = _best(band_limited, free, _with_friction_split(free, x))
+        anew = best_start(band_limited, free, _with_friction_split(free, x))
         if not np.array_equal(anew, x):
             x = _tried(problem, band, free, _fitted(band_limited, band, free, anew, own), own)
     return x
@@ -206,12 +206,7 @@ def _best_along(problem: Problem, free: FreeParameters, x: np.ndarray, column: i
     rows = np.tile(x, (TRIED + 1, 1))
     rows[1:, column] *= np.geomspace(1.0 / width, width, TRIED)
     rows = np.clip(rows, free.low, free.high)
-    return _best(problem, free, rows)
-
-
-def _best(problem: Problem, free: FreeParameters, rows: np.ndarray) -> np.ndarray:
-    """The row that leaves the least sum of squares, shape (p,)."""
-    return np.asarray(rows[int(np.argmin(costs(problem, free, rows)))])
+    return best_start(problem, free, rows)
 
 
 FREQUENCY, DAMPING, DELAY = OF_LAG = ("valve.natural_frequency", "valve.damping", "effects.command_delay.delay")
