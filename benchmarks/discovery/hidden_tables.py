@@ -500,6 +500,24 @@ def acceleration_change(base: Truth, truth: Truth, commands: dict[str, np.ndarra
     return math.sqrt(square / size)
 
 
+def with_random_force(truth: Truth, between_repeats: float, commands: dict[str, np.ndarray]) -> Truth:
+    """A table on which a random force acts, so large that recorded accelerations of one command differ by a share.
+
+    between_repeats : rms of their difference over that of the acceleration, recordings to learn from, no sensor noise.
+    """
+
+    def accelerations(force: float, seed: int) -> np.ndarray:
+        rng, pushed = np.random.default_rng(seed), truth._replace(rumble=force)
+        made = [record(pushed, commands[name], 0.0, rng)["acceleration"] for name in ("learn_ladder", "learn_multisine")]
+        return np.concatenate(made)
+
+    force = 60.0
+    for _ in range(3):  # nearly in proportion: friction alone makes it less
+        first, second = accelerations(force, 0), accelerations(force, 1)
+        force *= between_repeats * float(np.std(first) / np.std(first - second))
+    return truth._replace(rumble=force)
+
+
 def with_companions(base: Truth, effect: str, seed: int) -> tuple[Truth, float]:
     """A table with the numbers that go with an effect, drawn; and the sign of its strength."""
     hidden = HIDDEN[effect]

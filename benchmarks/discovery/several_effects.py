@@ -50,13 +50,18 @@ def truth(seed: int, effects: tuple[str, ...], commands: dict[str, np.ndarray]) 
     return table
 
 
-def measure(seed: int, length: float, minutes: float) -> dict[str, Any]:
+def measure(seed: int, length: float, minutes: float, between_repeats: float = 0.0) -> dict[str, Any]:
     """One table: what was hidden and named, errors over the noise, seconds.
 
+    Parameters
+    ----------
     length : scale of the recordings' durations. minutes : of one core, after which the search is to end.
+    between_repeats : of the acceleration, that a random force on the table makes of repeats of one command [-].
     """
     effects, commands = drawn(seed), hidden.excitations(seed, length)
     table = truth(seed, effects, commands)
+    if between_repeats:
+        table = hidden.with_random_force(table, between_repeats, commands)
     rng = np.random.default_rng([seed, 44])
     runs, floor = {}, {}
     for name, command in commands.items():
