@@ -508,7 +508,9 @@ def with_random_force(truth: Truth, between_repeats: float, commands: dict[str, 
 
     def accelerations(force: float, seed: int) -> np.ndarray:
         rng, pushed = np.random.default_rng(seed), truth._replace(rumble=force)
-        made = [record(pushed, commands[name], 0.0, rng)["acceleration"] for name in ("learn_ladder", "learn_multisine")]
+        made = [
+            record(pushed, commands[name], 0.0, rng)["acceleration"] for name in ("learn_ladder", "learn_multisine")
+        ]
         return np.concatenate(made)
 
     force = 60.0
