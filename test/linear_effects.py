@@ -42,6 +42,10 @@ class Hidden:
     def predictor(self, _injection: float) -> Hidden:
         return self
 
+    def samples_for_one(self, residuals: np.ndarray) -> float:  # noqa: ARG002 (all of them are independent)
+        """Of white noise."""
+        return 1.0
+
     def noise_cost(self) -> float:
         return 1.0
 

@@ -18,6 +18,7 @@ import numpy as np
 from shake_ros.fit.least_squares import LOST
 from shake_ros.fit.records import FULL, MODEL_FLOOR, Compared, DeclaredModel, Record, relative_error
 from shake_ros.physics.plant.simulation import workers
+from shake_ros.signals.noise import samples_for_one
 from shake_ros.signals.velocity_filter import filtered_velocity, independent_part, low_pass
 
 BLOCK = 0.5  # length of a block of time for standard errors [s], shorter where the recordings would give less than
@@ -223,6 +224,22 @@ class RecordingProblem:
             parts += [np.full(n, independent_part(record.sample_time, record.every))]
             parts += [np.ones(n)] * (self._channels(record) - 1)
         return np.concatenate(parts)
+
+    def samples_for_one(self, residuals: np.ndarray) -> float:
+        """Residuals, shape (n,), for each independent one; mean over recordings and channels by their squares [-].
+
+        What the filter of the velocity makes of white noise is in its weight and counts once.
+        """
+        squares = lasting = 0.0
+        independent, first = self.independent(), 0
+        for record in self.records:
+            n, reach = len(self._samples(record)), round(BLOCK / (record.sample_time * record.every))
+            for _ in range(self._channels(record)):
+                part, alone, first = residuals[first : first + n], independent[first], first + n
+                square = float(part @ part)
+                squares += square
+                lasting += square * max(alone * samples_for_one(part, reach), 1.0)
+        return lasting / squares if squares > 0.0 else 1.0
 
     def times(self) -> np.ndarray:
         """Time since its recording's start of each residual, shape (n,) [s]."""

@@ -147,6 +147,20 @@ def beside_process_noise(problem: SearchProblem, found: Selection) -> tuple[Sear
     return with_predictor, found.on(again, again)
 
 
+def judged(
+    problem: SearchProblem, found: Selection, shown: Sequence[str]
+) -> tuple[Selection, tuple[EffectVerdict, ...], tuple[EffectVerdict, ...]]:
+    """As of `with_verdicts`, on predictor runs where process noise shows: free runs carry it along, and it hides much.
+
+    shown : effects that the recordings show without a model.
+    """
+    judge = problem.on_predictor_runs(found.final.fit)
+    if judge is problem:
+        return with_verdicts(problem, found, shown)
+    found, verdicts, dropped = with_verdicts(judge, found.on(judge.again, judge.again), shown)
+    return found.on(problem.again, problem.again), verdicts, dropped
+
+
 def with_nuisances(problem: SearchProblem, found: Selection) -> tuple[SearchProblem, Selection]:
     """Problem and models with the nuisance parameters that the final model gives the recordings."""
     known, others = found.nuisances, problem.validation.records
@@ -202,7 +216,7 @@ def concluded(
     tentative, rest, function, forces = dict[str, dict[str, float]](), UNKNOWN, None, tuple[LatentForce, ...]()
     with failures.step("verdicts"):
         shown = (*model.between, *((BACKLASH,) if shows_backlash(estimation) else ()))
-        found, verdicts, dropped = with_verdicts(problem, selection, shown)
+        found, verdicts, dropped = judged(problem, selection, shown)
         tentative = problem.validation.errors(selection.final.fit.vector) if dropped else {}
     searched = problem.estimation.blocks()
     with failures.step("final fit"):

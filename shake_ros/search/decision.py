@@ -1,8 +1,8 @@
 """Decision: the odds of one model against another, and which effects may stand for the one that explains most.
 
-All verdicts rest on this one number. A difference of two models counts over what the better one leaves, as far as no
-block of the validation data speaks against it, and no more than on the data of the fit; for a verdict only beyond what
-no model explains, since whatever makes that may make the difference as well.
+All verdicts rest on this one number. A difference of two models counts over what the better one leaves, by its
+independent samples, as far as no block of the validation data speaks against it, and no more than on the data of the
+fit; for a verdict only beyond what no model explains, since whatever makes that may make the difference as well.
 
 The other model is often the same with one of its effects taken out, or exchanged for a rival (`without`,
 `in_its_place`).
@@ -103,8 +103,8 @@ def log_odds(problem: SearchProblem, model: ScoredFit, other: ScoredFit, effects
     """
 
     def variance(cost: float, noise: float) -> float:
-        """Of a weighted residual: at least that of the noise, which has 1."""
-        return max(cost / noise, 1.0)
+        """Of a weighted residual, at least that of the noise, which has 1; for each independent one."""
+        return max(cost / noise, 1.0) * model.samples_for_one
 
     blocks = model.validation_blocks
     samples = float(np.sum(blocks)) / max(model.validation_cost, 1e-300)

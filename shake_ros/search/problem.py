@@ -93,12 +93,15 @@ class ScoredFit:
     """A fit with its costs on estimation and validation data [-].
 
     validation_blocks : sum of squares of each block of time of the validation data, shape (b,).
+    samples_for_one : residuals of the validation data for each independent one: what a free run carries along, such as
+    process noise or what the model lacks, lasts.
     """
 
     fit: Fit
     estimation_cost: float
     validation_cost: float
     validation_blocks: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    samples_for_one: float = 1.0
 
     @property
     def score(self) -> float:
@@ -169,7 +172,8 @@ class SearchProblem:
         """A fit with its costs, that of the validation data block by block as well."""
         r = self.validation_residuals(result.vector)
         blocks = np.bincount(self.validation.blocks(), r**2)
-        return ScoredFit(result, mean_square(result.residuals), mean_square(r), blocks)
+        alone = self.validation.samples_for_one(r)
+        return ScoredFit(result, mean_square(result.residuals), mean_square(r), blocks, alone)
 
     def with_predictor(self, model: Fit) -> SearchProblem:
         """The same, with predictor runs beside the free ones where equal commands show process noise."""
@@ -183,6 +187,20 @@ class SearchProblem:
             validation=self.validation.unpredicted(ratio),
             estimation_pieces=self.estimation_pieces.unpredicted(ratio),
         )
+
+    def again(self, model: ScoredFit) -> ScoredFit:
+        """The same solution on these data."""
+        return self.scored(linearised(self.estimation, model.fit))
+
+    def on_predictor_runs(self, model: Fit) -> SearchProblem:
+        """The same with predictor runs in place of the free ones where process noise shows; itself elsewhere."""
+        if self.predictor_rate <= 0.0:
+            return self
+        parts = self.estimation, self.validation, self.estimation_pieces
+        first, second, pieces = (p.predictor(self.predictor_rate) for p in parts)
+        ratio = process_noise([first, second], model.vector, 0.0) or 1.0
+        first, second, pieces = (p.unpredicted(ratio) for p in (first, second, pieces))
+        return replace(self, estimation=first, validation=second, estimation_pieces=pieces)
 
     def refitted(self, current: ScoredFit) -> ScoredFit:
         """A fit of free runs, or where process noise shows one of free and predictor runs together from there."""

@@ -70,3 +70,22 @@ def periodic_deviation(signal: np.ndarray, commands: np.ndarray) -> float | None
     """
     period = repetition(commands)
     return None if period is None else noise_from_periods(signal, period)
+
+
+def samples_for_one(residuals: np.ndarray, reach: int) -> float:
+    """Samples for each independent one, 1 + 2 Σ ρ² over lags up to `reach`, tapered; ρ is the autocorrelation.
+
+    Source: M. S. Bartlett, Journal of the Royal Statistical Society B 8 (1946), for the variance of a mean square.
+
+    >>> white = np.random.default_rng(1).standard_normal(20000)
+    >>> round(samples_for_one(white, 100), 1)
+    1.0
+    """
+    e = residuals - np.mean(residuals)
+    reach = min(reach, len(e) - 1)
+    product = np.fft.irfft(np.abs(np.fft.rfft(e, 2 * len(e))) ** 2)[: reach + 1]
+    if product[0] <= 0.0:
+        return 1.0
+    taper = 1.0 - np.arange(1, reach + 1) / (reach + 1.0)
+    chance = 1.0 / len(e)  # of the square of a correlation
+    return float(1.0 + 2.0 * np.sum(taper * (np.square(product[1:] / product[0]) - chance)))

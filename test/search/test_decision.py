@@ -26,11 +26,11 @@ def problem(noise: float = 1.0) -> Any:
     return SimpleNamespace(settings=load_search(), estimation=data, validation=data)
 
 
-def scored(estimation: float, validation: float | np.ndarray) -> ScoredFit:
-    """A fit of given costs; the latter in all, or by block."""
+def scored(estimation: float, validation: float | np.ndarray, samples_for_one: float = 1.0) -> ScoredFit:
+    """A fit of given costs; the latter in all, or by block. samples_for_one : that its residuals have."""
     fit: Any = SimpleNamespace(residuals=np.zeros(SAMPLES), x=np.zeros(10))
     each = np.broadcast_to(validation, BLOCKS)
-    return ScoredFit(fit, estimation, float(np.mean(each)), SAMPLES / BLOCKS * each)
+    return ScoredFit(fit, estimation, float(np.mean(each)), SAMPLES / BLOCKS * each, samples_for_one)
 
 
 @pytest.mark.parametrize(
@@ -46,6 +46,11 @@ def test_odds_are_the_gain_in_log_likelihood_of_the_data_that_gain_less(
     estimation: float, validation: float, gained: float
 ) -> None:
     assert log_odds(problem(), scored(1.0, 1.0), scored(estimation, validation)) == pytest.approx(gained)
+
+
+def test_residuals_that_last_count_by_their_independent_samples() -> None:
+    lasting = scored(1.0, 1.0, samples_for_one=20.0)
+    assert log_odds(problem(), lasting, scored(1.1, 1.1)) == pytest.approx(10.0)
 
 
 def test_an_effect_and_its_parameter_have_a_price() -> None:

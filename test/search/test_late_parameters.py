@@ -40,6 +40,10 @@ class Linear:
     def blocks(self) -> np.ndarray:
         return np.arange(len(NOISE)) // 100
 
+    def samples_for_one(self, residuals: np.ndarray) -> float:  # noqa: ARG002 (all of them are independent)
+        """Of white noise."""
+        return 1.0
+
     def noise_cost(self) -> float:
         return 1.0
 

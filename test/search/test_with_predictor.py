@@ -54,6 +54,17 @@ def test_process_noise_counts_as_noise(rumbling: tuple[SearchProblem, Fit]) -> N
     assert corrected.validation.noise_cost() > 4.0 * problem.validation.noise_cost()
 
 
+def test_verdicts_rest_on_predictor_runs_which_process_noise_moves_less(rumbling: tuple[SearchProblem, Fit]) -> None:
+    problem, true = rumbling
+    corrected = problem.with_predictor(true)
+    judge = corrected.on_predictor_runs(true)
+    noise = judge.validation.noise_cost()
+    assert noise < 0.5 * corrected.validation.noise_cost()
+    assert judge.scored(true).validation_cost == pytest.approx(noise, rel=0.5)
+    assert corrected.again(judge.again(corrected.scored(true))).score == pytest.approx(corrected.scored(true).score)
+    assert problem.on_predictor_runs(true) is problem
+
+
 def test_a_fit_to_both_lowers_the_error_of_predictor_runs(rumbling: tuple[SearchProblem, Fit]) -> None:
     problem, true = rumbling
     corrected = problem.with_predictor(true)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from shake_ros.fit.records import Record
-from shake_ros.signals.noise import periodic_deviation, repetition, white_deviation
+from shake_ros.signals.noise import periodic_deviation, repetition, samples_for_one, white_deviation
 
 TIME = np.arange(5000) * 0.001
 
@@ -62,3 +63,10 @@ def test_a_recording_takes_its_noise_from_the_periods_where_its_command_repeats(
     assert set(record.noise_from_periods) == {"velocity", "acceleration"}
     other = Record("other", 1e-3, command + 0.01 * rng.standard_normal(len(command)), position, slow)
     assert other.noise_from_periods == {}
+
+
+def test_samples_of_an_autoregression_are_worth_as_many_as_bartlett_says() -> None:
+    kept = 0.9
+    white = np.random.default_rng(1).standard_normal(200000)
+    exact = (1.0 + kept**2) / (1.0 - kept**2)  # 1 + 2 Σ kept^(2 k)
+    assert samples_for_one(lfilter([1.0], [1.0, -kept], white), 400) == pytest.approx(exact, rel=0.05)

@@ -10,9 +10,9 @@ Source: R. Pintelon, J. Schoukens, System Identification: A Frequency Domain App
 A free run carries process noise along, so its sum of squares is mostly chance and its residuals last; a predictor run
 forgets it within 1/rate. Each of the two is weighted by its own size and by how few of its samples are independent,
 
-    w = 1/√(m τ),   m : mean square,   τ = 1 + 2 Σ_k ρ(k)² : samples for each independent one,
+    w = 1/√(m τ),   m : mean square,   τ : samples for each independent one (signals/noise.py),
 
-with ρ the autocorrelation (Bartlett's formula), so that neither drowns the other.
+so that neither drowns the other.
 """
 
 from __future__ import annotations
@@ -156,23 +156,6 @@ def _weighted(problem: RecordingProblem, number: int, vector: np.ndarray) -> lis
     return found
 
 
-def samples_for_one(residuals: Floats, reach: int) -> float:
-    """Samples for each independent one, 1 + 2 Σ ρ², over lags up to `reach`, tapered.
-
-    >>> white = np.random.default_rng(1).standard_normal(20000)
-    >>> round(samples_for_one(white, 100), 1)
-    1.0
-    """
-    e = residuals - np.mean(residuals)
-    reach = min(reach, len(e) - 1)
-    product = np.fft.irfft(np.abs(np.fft.rfft(e, 2 * len(e))) ** 2)[: reach + 1]
-    if product[0] <= 0.0:
-        return 1.0
-    taper = 1.0 - np.arange(1, reach + 1) / (reach + 1.0)
-    chance = 1.0 / len(e)  # of the square of a correlation
-    return float(1.0 + 2.0 * np.sum(taper * (np.square(product[1:] / product[0]) - chance)))
-
-
 class FreeAndPredictor:
     """A problem whose residuals are those of the free and the predictor runs of another, see above for their weights.
 
@@ -183,7 +166,11 @@ class FreeAndPredictor:
 
     def __init__(self, problem: RecordingProblem, rate: float, vector: np.ndarray) -> None:
         self.parts = problem, problem.predictor(rate)
-        self.weights = [_weight(problem, part.residuals(vector[None, :])[0]) for part in self.parts]
+        self.weights = []
+        for part in self.parts:
+            r = part.residuals(vector[None, :])[0]
+            square = float(np.mean(r**2)) * problem.samples_for_one(r)
+            self.weights.append(1.0 / math.sqrt(square) if square > 0.0 else 1.0)
 
     @property
     def smooth(self) -> bool:
@@ -194,16 +181,3 @@ class FreeAndPredictor:
         """Weighted residuals, shape (m, 2 n)."""
         rows = [w * part.residuals(vectors) for part, w in zip(self.parts, self.weights, strict=True)]
         return np.concatenate(rows, axis=1)
-
-
-def _weight(problem: RecordingProblem, residuals: Floats) -> float:
-    """1/√(m τ) of all residuals, τ their mean over records and channels by their squares."""
-    squares, lasting, first = 0.0, 0.0, 0
-    for record in problem.records:
-        n = len(record.commands) - record.start
-        for _ in range(1 if record.acceleration is None else 2):
-            part, first = residuals[first : first + n], first + n
-            square = float(part @ part)
-            squares += square
-            lasting += square * samples_for_one(part, round(BLOCK / record.sample_time))
-    return 1.0 / math.sqrt(max(lasting / len(residuals), 1e-300)) if squares > 0.0 else 1.0

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from benchmarks.discovery import hidden_tables as hidden
 from shake_ros.declared import MODELS, model_structure
-from shake_ros.fit.nuisances.equal_commands import FreeAndPredictor, process_noise, samples_for_one
+from shake_ros.fit.nuisances.equal_commands import FreeAndPredictor, process_noise
 from shake_ros.fit.recording_problem import RecordingProblem
 from shake_ros.fit.records import Record
 from shake_ros.settings import load_search, load_table
@@ -50,13 +49,6 @@ def test_without_equal_commands_nothing_is_said() -> None:
 def test_a_model_without_a_predictor_uses_free_runs_alone() -> None:
     p, true = problem(1, rumble=120.0)
     assert process_noise([RecordingProblem(p.records, MODELS["reduced"])], true, LEAST) is None
-
-
-def test_samples_of_an_autoregression_are_worth_as_many_as_bartlett_says() -> None:
-    kept = 0.9
-    white = np.random.default_rng(1).standard_normal(200000)
-    exact = (1.0 + kept**2) / (1.0 - kept**2)  # 1 + 2 Σ kept^(2 k)
-    assert samples_for_one(lfilter([1.0], [1.0, -kept], white), 400) == pytest.approx(exact, rel=0.05)
 
 
 def test_both_voices_are_weighed_by_their_independent_samples() -> None:
