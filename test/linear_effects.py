@@ -42,7 +42,7 @@ class Hidden:
     def predictor(self, _injection: float) -> Hidden:
         return self
 
-    def samples_for_one(self, residuals: np.ndarray) -> float:  # noqa: ARG002 (all of them are independent)
+    def samples_for_one(self, residuals: np.ndarray) -> float:
         """Of white noise."""
         return 1.0
 

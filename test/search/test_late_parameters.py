@@ -40,7 +40,7 @@ class Linear:
     def blocks(self) -> np.ndarray:
         return np.arange(len(NOISE)) // 100
 
-    def samples_for_one(self, residuals: np.ndarray) -> float:  # noqa: ARG002 (all of them are independent)
+    def samples_for_one(self, residuals: np.ndarray) -> float:
         """Of white noise."""
         return 1.0
 
