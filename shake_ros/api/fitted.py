@@ -118,19 +118,13 @@ Data = TableRecording | Sequence[TableRecording]
 
 
 class FittedResult(Result):
-    """What both results share about the fitted model.
+    """What both results share about the fitted model."""
 
-    Attributes
-    ----------
-    model : as declared.
-    estimation, validation : the gapless segments of the recordings.
-    data : these as they were fitted, with what was removed from them.
-    """
-
-    model: Model
+    model: Model  # as declared
+    # estimation, validation: the gapless segments of the recordings
     estimation: Sequence[Record]
     validation: Sequence[Record]
-    data: Prepared
+    data: Prepared  # these as they were fitted, with what was removed from them
 
     @property
     def records(self) -> list[Record]:

@@ -162,20 +162,14 @@ def write_loop(
 
 @dataclass
 class LiveLaboratory:
-    """A `Laboratory` on the table of a running graph.
-
-    Attributes
-    ----------
-    own : the loop made for a model, handed to the nodes with each other model; None leaves theirs.
-    late : dead time of the feedback, for a model without one [s].
-    missing : samples filled in, by run.
-    """
+    """A `Laboratory` on the table of a running graph."""
 
     table: LiveTable
+    # the loop made for a model, handed to the nodes with each other model; None leaves theirs
     own: OwnLoop | None = None
-    late: float = 0.0
+    late: float = 0.0  # dead time of the feedback, for a model without one [s]
     recordings: list[TableRecording] = field(default_factory=list)
-    missing: dict[str, int] = field(default_factory=dict)
+    missing: dict[str, int] = field(default_factory=dict)  # samples filled in, by run
     _carried: TableParameters | None = None
     _loops: int = 0
 

@@ -35,20 +35,12 @@ APERIODIC = 0.3  # of an excitation's root mean square in no harmonic, from whic
 
 @dataclass(frozen=True, repr=False)
 class Distortion:
-    """Harmonics of the acceleration of one recording.
+    """Harmonics of the acceleration of one recording."""
 
-    Attributes
-    ----------
-    name : of the recording.
-    harmonics : amplitudes [m/s²], phases [rad], noise [m/s²].
-    origin : where the fundamental is from.
-    shown : orders that are printed.
-    """
-
-    name: str
-    harmonics: Harmonics
-    origin: str
-    shown: int = SHOWN
+    name: str  # of the recording
+    harmonics: Harmonics  # amplitudes [m/s²], phases [rad], noise [m/s²]
+    origin: str  # where the fundamental is from
+    shown: int = SHOWN  # orders that are printed
 
     @property
     def thd(self) -> float:
@@ -181,21 +173,13 @@ AT = (0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 20.0)  # [Hz]
 
 @dataclass(frozen=True, repr=False)
 class RecordedResponse(Result):
-    """The frequency response between two signals of one recording.
+    """The frequency response between two signals of one recording."""
 
-    Attributes
-    ----------
-    title : recording, signals and windows.
-    name : of the recording.
-    unit : of the gain.
-    found : the response on all lines.
-    rows : frequency [Hz], gain, delay [s] and coherence [-] at the frequencies asked for.
-    """
-
-    title: str
-    name: str
-    unit: str
-    found: FrequencyResponse
+    title: str  # recording, signals and windows
+    name: str  # of the recording
+    unit: str  # of the gain
+    found: FrequencyResponse  # the response on all lines
+    # frequency [Hz], gain, delay [s] and coherence [-] at the frequencies asked for
     rows: Sequence[tuple[float, float, float, float]]
 
     @property
@@ -332,20 +316,12 @@ SHOWN_BAND = 4.0  # multiples of the highest excited frequency in the figure
 
 @dataclass(frozen=True, repr=False)
 class RecordedSplit:
-    """The parts of one recording's response.
+    """The parts of one recording's response."""
 
-    Attributes
-    ----------
-    name : of the recording.
-    channel : "acceleration" or "position".
-    period : [s].
-    lines : the parts line by line.
-    """
-
-    name: str
-    channel: str
-    period: float
-    lines: MultisineSplit
+    name: str  # of the recording
+    channel: str  # "acceleration" or "position"
+    period: float  # [s]
+    lines: MultisineSplit  # the parts line by line
 
     @property
     def parts(self) -> dict[str, float]:

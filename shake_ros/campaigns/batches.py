@@ -135,18 +135,15 @@ class Task(NamedTuple):
 
 
 class TaskOutcome(NamedTuple):
-    """What came of a task.
-
-    figures : what the function returned, as JSON text; None where it failed, and then `failed` says why.
-    seconds, processor : time it took by the clock and of the processor [s]. worker : machine and process.
-    """
+    """What came of a task."""
 
     task: Task
-    figures: str | None
+    figures: str | None  # what the function returned, as JSON text; None where it failed, and then `failed` says why
     failed: str | None
+    # seconds, processor: time it took by the clock and of the processor [s]
     seconds: float
     processor: float
-    worker: str
+    worker: str  # machine and process
 
 
 @dataclass

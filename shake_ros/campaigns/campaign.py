@@ -50,23 +50,15 @@ CREATE TABLE rows (
 
 @dataclass(frozen=True)
 class FinishedRow:
-    """A row with what was measured.
+    """A row with what was measured."""
 
-    Attributes
-    ----------
-    given : its values.
-    figures : measured, None where it failed.
-    failed : why.
-    seconds, processor : by the clock, of the processor [s].
-    version : of the code.
-    """
-
-    given: Mapping[str, Any]
-    figures: Mapping[str, Any] | None
-    failed: str | None
+    given: Mapping[str, Any]  # its values
+    figures: Mapping[str, Any] | None  # measured, None where it failed
+    failed: str | None  # why
+    # seconds, processor: by the clock, of the processor [s]
     seconds: float
     processor: float
-    version: str
+    version: str  # of the code
 
     def value(self, column: str) -> Any:
         """A figure or, where there is none of that name, a value that was given."""

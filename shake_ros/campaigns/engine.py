@@ -214,24 +214,14 @@ def _private(worker: str) -> bool:
 
 @dataclass(frozen=True)
 class Engine:
-    """Where tasks are run.
+    """Where tasks are run."""
 
-    Attributes
-    ----------
-    name : for people.
-    executor : takes calls.
-    width : how many calls it works on at a time, now.
-    threads : that one call may use.
-    died : what a call fails with whose worker has died.
-    sure : whether that call was the one at work, and none that waited behind it.
-    """
-
-    name: str
-    executor: Executor
-    width: Callable[[], int]
-    threads: int
-    died: tuple[type[BaseException], ...]
-    sure: bool
+    name: str  # for people
+    executor: Executor  # takes calls
+    width: Callable[[], int]  # how many calls it works on at a time, now
+    threads: int  # that one call may use
+    died: tuple[type[BaseException], ...]  # what a call fails with whose worker has died
+    sure: bool  # whether that call was the one at work, and none that waited behind it
 
 
 @contextmanager

@@ -29,46 +29,28 @@ Row = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class StudySection:
-    """A part of the report. kind : of SECTIONS. columns : of the figures; the kind says what for.
+    """A part of the report."""
 
-    Attributes
-    ----------
-    title : of the section.
-    by : columns whose values make groups.
-    where : values that rows must have.
-    of : column with a list of entries in each row, which are then looked at in the rows' place; empty for the rows.
-    """
-
-    kind: str
-    title: str
-    columns: Mapping[str, str]
-    by: tuple[str, ...] = ()
-    where: Mapping[str, Any] | None = None
+    kind: str  # of SECTIONS
+    title: str  # of the section
+    columns: Mapping[str, str]  # of the figures; the kind says what for
+    by: tuple[str, ...] = ()  # columns whose values make groups
+    where: Mapping[str, Any] | None = None  # values that rows must have
+    # column with a list of entries in each row, which are then looked at in the rows' place; empty for the rows
     of: str = ""
 
 
 @dataclass(frozen=True)
 class Study:
-    """What is to be run.
+    """What is to be run."""
 
-    Attributes
-    ----------
-    name : of the study.
-    where : its file.
-    content : of the file, with what was changed.
-    title : a sentence.
-    measure : `module:function`, which takes a row's values by name.
-    files : names of values that are paths, whose content counts.
-    sections : of the report.
-    """
-
-    name: str
-    where: str
-    content: Mapping[str, Any]
-    title: str
-    measure: str
-    files: tuple[str, ...]
-    sections: tuple[StudySection, ...]
+    name: str  # of the study
+    where: str  # its file
+    content: Mapping[str, Any]  # of the file, with what was changed
+    title: str  # a sentence
+    measure: str  # `module:function`, which takes a row's values by name
+    files: tuple[str, ...]  # names of values that are paths, whose content counts
+    sections: tuple[StudySection, ...]  # of the report
 
     def rows(self) -> Iterator[Row]:
         """The rows in the study's order, each once.

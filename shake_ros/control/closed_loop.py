@@ -275,31 +275,19 @@ def run_loop(p, plant, observer, seen, law, state, reference, feedforward, added
 
 @dataclass(frozen=True)
 class Loop:
-    """A closed loop to be run.
+    """A closed loop to be run."""
 
-    Attributes
-    ----------
-    table : the plant with its sensors.
-    seed : of the sensor noise.
-    observer : estimates from the measured position; None hands the true states to the controller.
-    controller : the law.
-    reference : (n, 3) position [m], velocity [m/s], acceleration [m/s²].
-    feedforward : commands (n,) and motion (n, 3) of the controller's virtual table along this reference; None, with a
-        controller that has one, computes them.
-    delay : samples by which a command reaches the valve late.
-    start : initial position of the table [m].
-    cancellation : of harmonics, under a law without a virtual table.
-    """
-
-    table: TableParameters
-    observer: Observer | None
-    controller: Controller
-    reference: Array
+    table: TableParameters  # the plant with its sensors
+    observer: Observer | None  # estimates from the measured position; None hands the true states to the controller
+    controller: Controller  # the law
+    reference: Array  # (n, 3) position [m], velocity [m/s], acceleration [m/s²]
+    # commands (n,) and motion (n, 3) of the controller's virtual table along this reference; None, with a controller
+    # that has one, computes them
     feedforward: tuple[Array, Array] | None = None
-    seed: int = 0
-    delay: int = 0
-    start: float = 0.0
-    cancellation: HarmonicCancellation | None = None
+    seed: int = 0  # of the sensor noise
+    delay: int = 0  # samples by which a command reaches the valve late
+    start: float = 0.0  # initial position of the table [m]
+    cancellation: HarmonicCancellation | None = None  # of harmonics, under a law without a virtual table
 
 
 def simulate(loop: Loop) -> tuple[ClosedLoop, int]:

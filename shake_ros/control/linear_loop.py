@@ -54,19 +54,14 @@ class Feedback(NamedTuple):
 
 @dataclass(frozen=True)
 class Margins:
-    """Margins of a loop.
+    """Margins of a loop."""
 
-    gain : factor by which the gain may grow [-]. phase : [rad]. delay : further dead time [s].
-    disk : factor by which gain may grow, and shrink by its inverse, at any phase within the disk; 1 for none.
-    sensitivity : largest |1/(1 + L)|. stable : whether the closed loop's eigenvalues are within the unit circle.
-    """
-
-    stable: bool
-    gain: float
-    phase: float
-    delay: float
-    disk: float
-    sensitivity: float
+    stable: bool  # whether the closed loop's eigenvalues are within the unit circle
+    gain: float  # factor by which the gain may grow [-]
+    phase: float  # [rad]
+    delay: float  # further dead time [s]
+    disk: float  # factor by which gain may grow, and shrink by its inverse, at any phase within the disk; 1 for none
+    sensitivity: float  # largest |1/(1 + L)|
 
     @property
     def text(self) -> str:
@@ -78,10 +73,7 @@ class Margins:
 
 
 class Held(NamedTuple):
-    """A linear model sampled: x⁺ = a x + b_late u(k − whole − 1) + b u(k − whole); motion = c x (d is none).
-
-    sensed : state that the position transducer shows, that behind its lag where it has one.
-    """
+    """A linear model sampled: x⁺ = a x + b_late u(k − whole − 1) + b u(k − whole); motion = c x (d is none)."""
 
     a: Array
     b_late: Array
@@ -94,7 +86,7 @@ class Held(NamedTuple):
     position: int
     velocity: int
     pressures: tuple[int, int]
-    sensed: int
+    sensed: int  # state that the position transducer shows, that behind its lag where it has one
     scales: Array
 
 

@@ -67,21 +67,14 @@ MEANINGS = {name: str(data["meaning"]) for name, data in describe(Metrics).items
 
 @dataclass(frozen=True)
 class Judged:
-    """The part of a reference that counts.
+    """The part of a reference that counts."""
 
-    Attributes
-    ----------
-    first, last : samples between which errors count (soft start and stop left out).
-    rest : from here on the reference is at rest.
-    frequency : of a sine [Hz], 0 for other references.
-    spectrum : of the reference, from `spectrum_of`.
-    """
-
+    # first, last: samples between which errors count (soft start and stop left out)
     first: int
     last: int
-    rest: int
-    frequency: float
-    spectrum: Array
+    rest: int  # from here on the reference is at rest
+    frequency: float  # of a sine [Hz], 0 for other references
+    spectrum: Array  # of the reference, from `spectrum_of`
 
 
 def spectrum_of(acceleration: Array, sample_time: float) -> Array:

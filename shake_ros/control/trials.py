@@ -50,35 +50,27 @@ HARDER = 2.0 / 3.0  # … under this part of its rate, so that it bears other mo
 
 @dataclass(frozen=True)
 class Trial:
-    """A run on one table.
+    """A run on one table."""
 
-    errors : (3,) of position, velocity, acceleration [-]. ringing, still : of `metrics`. at_limit : share of the time
-    with the command at its limit. largest : distance from mid-stroke over half the stroke. jump : largest change of the
-    command in a sample [-].
-    """
-
-    errors: Array
+    errors: Array  # (3,) of position, velocity, acceleration [-]
+    # ringing, still: of `metrics`
     ringing: float
     still: float
-    at_limit: float
-    largest: float
-    jump: float
+    at_limit: float  # share of the time with the command at its limit
+    largest: float  # distance from mid-stroke over half the stroke
+    jump: float  # largest change of the command in a sample [-]
 
 
 @dataclass(frozen=True)
 class TriedLaw:
-    """A law with its gains, and its trials on the table (the first) and its neighbours.
-
-    rings : its ringing over what is allowed, worst of all; above 1 the loop rings. slowed : factor on the bandwidth
-    that the nonlinear loop asked for, 1 for none.
-    """
+    """A law with its gains, and its trials on the table (the first) and its neighbours."""
 
     kind: str
     parameters: LawParameters
     design: Design
     trials: tuple[Trial, ...]
-    rings: float
-    slowed: float
+    rings: float  # its ringing over what is allowed, worst of all; above 1 the loop rings
+    slowed: float  # factor on the bandwidth that the nonlinear loop asked for, 1 for none
 
     @property
     def worst(self) -> Array:
@@ -303,20 +295,14 @@ Loops = Callable[[TableParameters], Pair]
 
 @dataclass(frozen=True)
 class TrackingBenefit:
-    """Runs on one table under the model before and the model after.
+    """Runs on one table under the model before and the model after."""
 
-    Attributes
-    ----------
-    reference : what they follow, by name.
-    tuned : the run with observer and gains made for the table, and `margins`.
-    ringing : of each loop on the table and its neighbours over what is allowed there, the worst; above 1 it rings.
-    """
-
-    reference: str
+    reference: str  # what they follow, by name
     before: ClosedLoop
     after: ClosedLoop
-    tuned: ClosedLoop | None = None
+    tuned: ClosedLoop | None = None  # the run with observer and gains made for the table, and `margins`
     margins: Margins | None = None
+    # of each loop on the table and its neighbours over what is allowed there, the worst; above 1 it rings
     ringing: Mapping[str, float] = field(default_factory=dict)
 
     @property

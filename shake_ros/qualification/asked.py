@@ -84,26 +84,17 @@ def load_rules(name: str) -> Rules:
 
 @dataclass(frozen=True)
 class Asked:
-    """What a qualification is asked for, with everything looked up.
+    """What a qualification is asked for, with everything looked up."""
 
-    Attributes
-    ----------
-    required, rules : the spectrum and the code.
-    table : that it is to fit.
-    model : of the feedforward.
-    learn : the fit between runs; None corrects the drive.
-    about : table, model, instruments, for the certificate.
-    makes_loop : whether gains are made for the model; a live table keeps its own where none is given.
-    """
-
+    # required, rules: the spectrum and the code
     required: RequiredSpectrum
     rules: Rules
-    table: TableParameters
+    table: TableParameters  # that it is to fit
     settings: QualificationSettings
-    model: TableParameters
-    learn: Learn | None
-    about: dict[str, str]
-    makes_loop: bool
+    model: TableParameters  # of the feedforward
+    learn: Learn | None  # the fit between runs; None corrects the drive
+    about: dict[str, str]  # table, model, instruments, for the certificate
+    makes_loop: bool  # whether gains are made for the model; a live table keeps its own where none is given
 
     @property
     def motion(self) -> MotionParameters:

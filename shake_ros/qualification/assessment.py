@@ -70,18 +70,13 @@ class Verdict:
 
 @dataclass(frozen=True)
 class SpectrumAssessment:
-    """A test held against its rules.
+    """A test held against its rules."""
 
-    Attributes
-    ----------
-    frequencies, required, found : RRS and TRS on the code's grid, (m,) [Hz], [m/s²].
-    verdicts : one a rule.
-    """
-
+    # frequencies, required, found: RRS and TRS on the code's grid, (m,) [Hz], [m/s²]
     frequencies: Array
     required: Array
     found: Array
-    verdicts: tuple[Verdict, ...]
+    verdicts: tuple[Verdict, ...]  # one a rule
 
     @property
     def passed(self) -> bool:
@@ -179,22 +174,13 @@ def assess(motion: Array, time_step: float, required: RequiredSpectrum, rules: R
 
 @dataclass(frozen=True)
 class Tested:
-    """One run.
+    """One run."""
 
-    Attributes
-    ----------
-    drive : (n, 3) [m], [m/s], [m/s²].
-    motion : (n,) measured acceleration as it is assessed [m/s²].
-    assessment : its verdicts.
-    matched : (m,) TRS at the frequencies of `motion.aimed` [m/s²].
-    error : rms of ln(TRS/aim) over those of them within the required band [-].
-    """
-
-    drive: Array
-    motion: Array
-    assessment: SpectrumAssessment
-    matched: Array
-    error: float
+    drive: Array  # (n, 3) [m], [m/s], [m/s²]
+    motion: Array  # (n,) measured acceleration as it is assessed [m/s²]
+    assessment: SpectrumAssessment  # its verdicts
+    matched: Array  # (m,) TRS at the frequencies of `motion.aimed` [m/s²]
+    error: float  # rms of ln(TRS/aim) over those of them within the required band [-]
 
 
 def tested(

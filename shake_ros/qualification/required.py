@@ -47,24 +47,14 @@ RG160_DISPLACEMENT = 36 * 0.0254  # [m] at 1 g
 
 @dataclass(frozen=True)
 class RequiredSpectrum:
-    """What a test response spectrum has to reach.
+    """What a test response spectrum has to reach."""
 
-    Attributes
-    ----------
-    name : of the spectrum.
-    frequencies : (m,) rising [Hz].
-    levels : (m,) [m/s²].
-    damping : ξ [-].
-    zero_period : acceleration that the motion itself has to reach [m/s²].
-    source : where its numbers are from.
-    """
-
-    name: str
-    frequencies: Array
-    levels: Array
-    damping: float
-    zero_period: float
-    source: str
+    name: str  # of the spectrum
+    frequencies: Array  # (m,) rising [Hz]
+    levels: Array  # (m,) [m/s²]
+    damping: float  # ξ [-]
+    zero_period: float  # acceleration that the motion itself has to reach [m/s²]
+    source: str  # where its numbers are from
 
     def at(self, frequencies: Array) -> Array:
         """Levels along straight lines in log–log; beyond the ends those of the ends, (n,) [m/s²]."""

@@ -100,20 +100,13 @@ class StageDone:
 
 @dataclass(frozen=True, repr=False)
 class TestSequence:
-    """The finished tests of a sequence.
-
-    Attributes
-    ----------
-    plan : what was asked.
-    done : tests in turn.
-    waiting : what is to be acknowledged next; empty where nothing is.
-    """
+    """The finished tests of a sequence."""
 
     __test__ = False  # no test of pytest
 
-    plan: Plan
-    done: tuple[StageDone, ...]
-    waiting: str = ""
+    plan: Plan  # what was asked
+    done: tuple[StageDone, ...]  # tests in turn
+    waiting: str = ""  # what is to be acknowledged next; empty where nothing is
 
     @property
     def before(self) -> ResonanceSearch | None:

@@ -58,19 +58,15 @@ class EvenSamples:
 
 @dataclass(frozen=True)
 class Clock:
-    """The second clock on the first.
+    """The second clock on the first."""
 
-    begins : of both files, on their own clocks [s]. shift : of the second file's begin after the first's [s], and
-    drift : ε [-], with standard deviations. correlation of what both have seen; turned : opposite signs.
-    """
-
-    begins: tuple[float, float]
-    shift: float
-    drift: float
+    begins: tuple[float, float]  # of both files, on their own clocks [s]
+    shift: float  # of the second file's begin after the first's [s]
+    drift: float  # ε [-]
     shift_deviation: float
     drift_deviation: float
-    correlation: float
-    turned: bool
+    correlation: float  # of what both have seen
+    turned: bool  # opposite signs
 
     def on_first(self, time: Floats) -> Floats:
         """Times of the second clock on the first."""

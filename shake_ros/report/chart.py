@@ -29,18 +29,14 @@ MISSING = -32768
 
 @dataclass(frozen=True)
 class ChartSeries:
-    """A curve: `values`, less `minus` where given, each of shape (n,).
-
-    colour : a name of `style.COLOUR`. kind : line, dashed, points, rings, or marks on a line.
-    width : of the line [pixel].
-    """
+    """A curve: `values`, less `minus` where given, each of shape (n,)."""
 
     label: str
     values: Array
-    colour: str
+    colour: str  # a name of `style.COLOUR`
     minus: Array | None = None
-    kind: str = "line"
-    width: float = 1.2
+    kind: str = "line"  # line, dashed, points, rings, or marks on a line
+    width: float = 1.2  # of the line [pixel]
 
     @property
     def drawn(self) -> Array:
@@ -50,43 +46,30 @@ class ChartSeries:
 
 @dataclass(frozen=True)
 class Panel:
-    """Curves over one abscissa, x of shape (n,).
+    """Curves over one abscissa, x of shape (n,)."""
 
-    y : label with unit. height : [pixel]. shaded : (from, to) in y. band : places in `series` of two curves that
-    enclose a shaded band, the upper one first.
-    """
-
-    y: str
+    y: str  # label with unit
     x: Array
     series: tuple[ChartSeries, ...]
     log: bool = False
-    height: int = 190
-    shaded: tuple[float, float] | None = None
+    height: int = 190  # [pixel]
+    shaded: tuple[float, float] | None = None  # (from, to) in y
+    # places in `series` of two curves that enclose a shaded band, the upper one first
     band: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True)
 class Chart:
-    """Panels one above the other, whose abscissas move together.
+    """Panels one above the other, whose abscissas move together."""
 
-    Attributes
-    ----------
-    name : of its CSV file and its static copy.
-    x : label of the abscissa with unit.
-    caption : what is seen.
-    view : (from, to) of the abscissa at first, None for all.
-    ticks : names of places on the abscissa.
-    shaded : intervals of the abscissa.
-    """
-
-    name: str
-    x: str
+    name: str  # of its CSV file and its static copy
+    x: str  # label of the abscissa with unit
     panels: tuple[Panel, ...]
-    caption: str
+    caption: str  # what is seen
     log_x: bool = False
-    view: tuple[float, float] | None = None
-    ticks: Mapping[float, str] = field(default_factory=dict)
-    shaded: tuple[tuple[float, float], ...] = ()
+    view: tuple[float, float] | None = None  # (from, to) of the abscissa at first, None for all
+    ticks: Mapping[float, str] = field(default_factory=dict)  # names of places on the abscissa
+    shaded: tuple[tuple[float, float], ...] = ()  # intervals of the abscissa
 
     def thinned(self, block: int) -> Chart:
         """The least and the largest of every `block` samples of the long panels, so that no peak is lost."""

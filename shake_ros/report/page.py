@@ -307,13 +307,9 @@ def write_page(page: Page, folder: Path, figures: str | None = None, name: str =
 
 
 class Result(ABC):
-    """A result that is described once, by `page`, and printed as the text of that.
+    """A result that is described once, by `page`, and printed as the text of that."""
 
-    Attributes
-    ----------
-    numbers, page_name : of the files of `content` and of the page.
-    """
-
+    # numbers, page_name: of the files of `content` and of the page
     numbers: ClassVar[str] = "report.json"
     page_name: ClassVar[str] = "report"
 

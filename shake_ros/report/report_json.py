@@ -249,26 +249,18 @@ def chosen_because(step: ForwardStep) -> str:
 
 @dataclass(frozen=True)
 class FoundEffect:
-    """An effect that the declared model was missing.
+    """An effect that the declared model was missing."""
 
-    Attributes
-    ----------
-    name, place : of the effect.
-    parameters : its own, with standard errors.
-    evidence : why this one.
-    alternatives : effects that these recordings cannot distinguish from it.
-    step, model : that added it, and the model from there on.
-    verdict : in the final model; None where there is none.
-    """
-
+    # name, place: of the effect
     name: str
     place: str
-    parameters: tuple[Estimate, ...]
-    evidence: str
-    alternatives: tuple[str, ...]
+    parameters: tuple[Estimate, ...]  # its own, with standard errors
+    evidence: str  # why this one
+    alternatives: tuple[str, ...]  # effects that these recordings cannot distinguish from it
+    # step, model: that added it, and the model from there on
     step: ForwardStep
     model: FittedModel
-    verdict: EffectVerdict | None
+    verdict: EffectVerdict | None  # in the final model; None where there is none
 
     @property
     def state(self) -> str:

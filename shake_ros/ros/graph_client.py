@@ -28,21 +28,15 @@ P = TypeVar("P", bound=Parameters)
 
 @dataclass(frozen=True)
 class Report:
-    """What /diagnostics says of a node or of a part of it.
+    """What /diagnostics says of a node or of a part of it."""
 
-    node : full name, without the first slash.
-    part : its executable, or one of EVENTS.
-    level, message : as published.
-    values : by key.
-    heard : when it arrived, on the monotonic clock [s].
-    """
-
-    node: str
-    part: str
+    node: str  # full name, without the first slash
+    part: str  # its executable, or one of EVENTS
+    # level, message: as published
     level: int
     message: str
-    values: dict[str, str]
-    heard: float = field(default_factory=time.monotonic)
+    values: dict[str, str]  # by key
+    heard: float = field(default_factory=time.monotonic)  # when it arrived, on the monotonic clock [s]
 
 
 def values_of(status: DiagnosticStatus) -> dict[str, str]:

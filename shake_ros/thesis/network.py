@@ -125,18 +125,14 @@ class Split:
 
 @dataclass(frozen=True)
 class Training:
-    """A trained network.
-
-    Attributes
-    ----------
-    split : of the samples. curves : mean squares of the scaled outputs' error on the parts to learn from, to stop by
-    and to test on after every epoch, shape (epochs + 1, 3). kept : epoch of the weights.
-    """
+    """A trained network."""
 
     network: Network
-    split: Split
+    split: Split  # of the samples
+    # mean squares of the scaled outputs' error on the parts to learn from, to stop by and to test on after every epoch,
+    # shape (epochs + 1, 3)
     curves: np.ndarray
-    kept: int
+    kept: int  # epoch of the weights
 
     @property
     def epochs(self) -> int:
@@ -283,20 +279,14 @@ def window_fits(windows: Sequence[Record], free: FreeParameters, x: np.ndarray) 
 
 @dataclass(frozen=True)
 class SeedResult:
-    """A network of one seed, on the windows that it has not seen.
+    """A network of one seed, on the windows that it has not seen."""
 
-    Attributes
-    ----------
-    seed : of split and weights.
-    training : with its curves.
-    radial_basis : mean square of the scaled error on the test part of a radial-basis network, beside `training.test`.
-    errors : mean relative error of the free run over the windows to test on, of velocity and acceleration, by what
-        gives the parameters: "one set", "network", "fit to the window", the least that any schedule could have.
-    """
-
-    seed: int
-    training: Training
+    seed: int  # of split and weights
+    training: Training  # with its curves
+    # mean square of the scaled error on the test part of a radial-basis network, beside `training.test`
     radial_basis: float
+    # mean relative error of the free run over the windows to test on, of velocity and acceleration, by what gives the
+    # parameters: "one set", "network", "fit to the window", the least that any schedule could have
     errors: Mapping[str, tuple[float, float]]
 
     @property

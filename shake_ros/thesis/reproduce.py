@@ -55,23 +55,15 @@ class Rows(NamedTuple):
 
 @dataclass(frozen=True)
 class ExperimentReport:
-    """One page of the reproduction.
+    """One page of the reproduction."""
 
-    Attributes
-    ----------
-    title : of the page.
-    lead : in a sentence.
-    claims : of the thesis.
-    tables, charts : of this run.
-    remarks : what was assumed and what explains a difference.
-    """
-
-    title: str
-    lead: str
-    claims: Sequence[Claim]
+    title: str  # of the page
+    lead: str  # in a sentence
+    claims: Sequence[Claim]  # of the thesis
+    # tables, charts: of this run
     tables: Sequence[Rows] = ()
     charts: Sequence[Chart] = ()
-    remarks: Sequence[str] = ()
+    remarks: Sequence[str] = ()  # what was assumed and what explains a difference
 
 
 def difference(printed: float, found: float) -> str:

@@ -40,22 +40,13 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ParameterStudy:
-    """Simulations under a sine with one parameter changed.
+    """Simulations under a sine with one parameter changed."""
 
-    Attributes
-    ----------
-    name : of the parameter.
-    values : shape (m,) in the unit of the thesis's θ.
-    frequency : of the command [Hz].
-    sample_time : [s].
-    motion : shape (m, n, 3): position [m], velocity [m/s], acceleration [m/s²].
-    """
-
-    name: str
-    values: Floats
-    frequency: float
-    sample_time: float
-    motion: Floats
+    name: str  # of the parameter
+    values: Floats  # shape (m,) in the unit of the thesis's θ
+    frequency: float  # of the command [Hz]
+    sample_time: float  # [s]
+    motion: Floats  # shape (m, n, 3): position [m], velocity [m/s], acceleration [m/s²]
 
     def last(self, periods: int) -> Floats:
         """The end of the motion, shape (m, k, 3)."""
@@ -97,14 +88,9 @@ class ParameterStudy:
 
 @dataclass(frozen=True, repr=False)
 class Sensitivity:
-    """Simulations with one parameter changed at a time.
+    """Simulations with one parameter changed at a time."""
 
-    Attributes
-    ----------
-    studies : simulations by parameter.
-    """
-
-    studies: Mapping[str, ParameterStudy]
+    studies: Mapping[str, ParameterStudy]  # simulations by parameter
 
     def summary(self) -> dict[str, Any]:
         """Odd harmonics of the acceleration [m/s²] and spread of the motion [-], per parameter."""

@@ -55,14 +55,12 @@ def conditional(covariance: np.ndarray, count: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class NormalSquare:
-    """What the reference predicts of the logarithm of a window's mean square; windows of one motion depart together.
+    """What the reference predicts of the logarithm of a window's mean square; windows of one motion depart together."""
 
-    mean, deviation : of another window [-]. freedom : degrees of freedom of its Student distribution.
-    """
-
+    # mean, deviation: of another window [-]
     mean: float
     deviation: float
-    freedom: int
+    freedom: int  # degrees of freedom of its Student distribution
 
     @classmethod
     def of(cls, squares: Sequence[float]) -> NormalSquare:
@@ -81,15 +79,11 @@ class NormalSquare:
 
 @dataclass(frozen=True)
 class Alarm:
-    """A change.
+    """A change."""
 
-    windows : that have passed since, the first to show it among them. parameter : index of the followed one that moved
-    most, −1 where the innovations grew without one. score : its standard normal variable.
-    """
-
-    windows: int
-    parameter: int
-    score: float
+    windows: int  # that have passed since, the first to show it among them
+    parameter: int  # index of the followed one that moved most, −1 where the innovations grew without one
+    score: float  # its standard normal variable
 
 
 def threshold(false_alarms: float, window: float, variables: int) -> float:

@@ -70,23 +70,15 @@ class ScaledPredictor(Predictor):
 
 @dataclass(frozen=True)
 class WindowEvidence:
-    """The evidence of one window.
+    """The evidence of one window."""
 
-    Attributes
-    ----------
-    record : its samples, with those before it in which the state is found.
-    information : H, shape (p, p). vector : h, shape (p,).
-    square : mean square of the whitened innovations at the window's own estimate [-]; 1 for a right model.
-    count : number of these innovations.
-    motion : of each sample that counts, shape (n, 5): predicted position [m], velocity [m/s], acceleration [m/s²];
-        measured position [m], acceleration [m/s²].
-    """
-
-    record: Record
-    information: np.ndarray
-    vector: np.ndarray
-    square: float
-    count: int
+    record: Record  # its samples, with those before it in which the state is found
+    information: np.ndarray  # H, shape (p, p)
+    vector: np.ndarray  # h, shape (p,)
+    square: float  # mean square of the whitened innovations at the window's own estimate [-]; 1 for a right model
+    count: int  # number of these innovations
+    # of each sample that counts, shape (n, 5): predicted position [m], velocity [m/s], acceleration [m/s²]; measured
+    # position [m], acceleration [m/s²]
     motion: np.ndarray
 
 

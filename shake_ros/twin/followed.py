@@ -78,21 +78,14 @@ def load_twin(name: str = "default") -> TwinSettings:
 
 @dataclass(frozen=True)
 class Followed:
-    """A found table with what is followed of it.
+    """A found table with what is followed of it."""
 
-    Attributes
-    ----------
-    model : with what the reference shows free, in units of what `unit_of` says: the p followed parameters, then those
-        that are held from then on.
-    sizes : of a change of each followed one that matters, shape (p,) [units].
-    walk : standard deviation of each followed one within an hour, shape (p,) [units].
-    file : standard deviation of every one in the table's file [units].
-    """
-
+    # with what the reference shows free, in units of what `unit_of` says: the p followed parameters, then those that
+    # are held from then on
     model: FreeModel
-    sizes: np.ndarray
-    walk: np.ndarray
-    file: np.ndarray
+    sizes: np.ndarray  # of a change of each followed one that matters, shape (p,) [units]
+    walk: np.ndarray  # standard deviation of each followed one within an hour, shape (p,) [units]
+    file: np.ndarray  # standard deviation of every one in the table's file [units]
 
 
 def followed(table: TableParameters, settings: TwinSettings) -> Followed:

@@ -33,18 +33,15 @@ TREND = -1  # of the terms of a model; others are the places of steps
 
 @dataclass(frozen=True)
 class Readings:
-    """A parameter from day to day.
-
-    stamps : of the readings, shape (n,) [ns]. values, deviations : shape (n,) [unit].
-    terms : of the model: TREND, and the first reading behind each step.
-    """
+    """A parameter from day to day."""
 
     name: str
     unit: str
-    stamps: np.ndarray
+    stamps: np.ndarray  # of the readings, shape (n,) [ns]
+    # values, deviations: shape (n,) [unit]
     values: np.ndarray
     deviations: np.ndarray
-    terms: tuple[int, ...] = ()
+    terms: tuple[int, ...] = ()  # of the model: TREND, and the first reading behind each step
 
     @property
     def days(self) -> np.ndarray:

@@ -56,27 +56,19 @@ PLACES = {
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """What may have changed, with its value after a refit.
+    """What may have changed, with its value after a refit."""
 
-    Attributes
-    ----------
-    name : of the effect or the parameter. parameter : its dotted name. place : where it acts.
-    before, after, deviation : value before, since, and its standard deviation [unit].
-    evidence : log marginal likelihood against no change, with the prior odds [nats].
-    followed : whether it is a followed parameter. model : with it. square : mean square of the whitened innovations
-        that it leaves [-].
-    """
-
-    name: str
-    parameter: str
-    place: str
+    name: str  # of the effect or the parameter
+    parameter: str  # its dotted name
+    place: str  # where it acts
     unit: str
+    # before, after, deviation: value before, since, and its standard deviation [unit]
     before: float
     after: float
     deviation: float
-    evidence: float
-    followed: bool
-    model: FreeModel
+    evidence: float  # log marginal likelihood against no change, with the prior odds [nats]
+    followed: bool  # whether it is a followed parameter
+    model: FreeModel  # with it
     covariance: np.ndarray
     residuals: np.ndarray
 
@@ -88,21 +80,14 @@ class Hypothesis:
 
 @dataclass(frozen=True)
 class Named:
-    """The answer.
-
-    Attributes
-    ----------
-    best : the best hypothesis. rivals : those that are possible beside it. place : where it acts.
-    explained : whether the best one reduces the innovations to what is normal.
-    changed : whether any is likelier than no change, or no change leaves more than what is normal.
-    error : of the acceleration in a free run before the change, since, and since with the best one [-].
-    """
+    """The answer."""
 
     best: Hypothesis
-    rivals: tuple[Hypothesis, ...]
-    place: str
-    explained: bool
-    changed: bool
+    rivals: tuple[Hypothesis, ...]  # those that are possible beside it
+    place: str  # where it acts
+    explained: bool  # whether the best one reduces the innovations to what is normal
+    changed: bool  # whether any is likelier than no change, or no change leaves more than what is normal
+    # of the acceleration in a free run before the change, since, and since with the best one [-]
     error: tuple[float, float, float]
 
     @property
@@ -135,12 +120,9 @@ class Named:
 
 @dataclass(frozen=True, kw_only=True)
 class KnownModel(FreeModel):
-    """A model whose first parameters are known together; one with a prior of its own is not one of them.
+    """A model whose first parameters are known together; one with a prior of its own is not one of them."""
 
-    known : their mean and covariance, in units.
-    """
-
-    known: KnownState
+    known: KnownState  # their mean and covariance, in units
 
     @cached_property
     def prior(self) -> tuple[np.ndarray, np.ndarray]:

@@ -58,49 +58,35 @@ INTERVAL = 1.645  # standard deviations to each side of a 90 % interval
 
 @dataclass(frozen=True)
 class Change:
-    """A change with its name.
+    """A change with its name."""
 
-    recording, at : in which it came, and how far behind its first sample at the earliest [s].
-    since : stamp after which it came [ns]. noticed : stamp of the end of the window that showed it [ns].
-    score : standard normal variable of the test.
-    """
-
+    # recording, at: in which it came, and how far behind its first sample at the earliest [s]
     recording: str
     at: float
-    since: int
-    noticed: int
-    score: float
+    since: int  # stamp after which it came [ns]
+    noticed: int  # stamp of the end of the window that showed it [ns]
+    score: float  # standard normal variable of the test
     named: Named
 
 
 @dataclass(frozen=True)
 class TwinWindow:
-    """What one window gave.
+    """What one window gave."""
 
-    Attributes
-    ----------
-    recording : that it is of. at : of its first sample behind that of the recording [s].
-    start, stamp : of its first sample and behind its last one [ns].
-    state : learning, watching, naming or paused. note : why it pauses; else empty.
-    values, deviations : of the followed parameters, shape (p,), in their units.
-    moved : standard deviation of their change since the reference, shape (p,).
-    square : mean square of the whitened innovations, NaN while nothing is known [-].
-    motion : predicted and measured from the first sample on, shape (n, 5) or (0, 5), as in WindowEvidence.
-    change : that was named with it.
-    """
-
-    recording: str
-    at: float
+    recording: str  # that it is of
+    at: float  # of its first sample behind that of the recording [s]
+    # start, stamp: of its first sample and behind its last one [ns]
     start: int
     stamp: int
-    state: str
-    note: str
+    state: str  # learning, watching, naming or paused
+    note: str  # why it pauses; else empty
+    # values, deviations: of the followed parameters, shape (p,), in their units
     values: np.ndarray
     deviations: np.ndarray
-    moved: np.ndarray
-    square: float
-    motion: np.ndarray
-    change: Change | None = None
+    moved: np.ndarray  # standard deviation of their change since the reference, shape (p,)
+    square: float  # mean square of the whitened innovations, NaN while nothing is known [-]
+    motion: np.ndarray  # predicted and measured from the first sample on, shape (n, 5) or (0, 5), as in WindowEvidence
+    change: Change | None = None  # that was named with it
 
     @property
     def ends(self) -> tuple[np.ndarray, np.ndarray]:

@@ -47,10 +47,7 @@ HEAD = 3
 
 
 class Settings(NamedTuple):
-    """Dead time in whole samples and a fraction, samples of the horizon, bandwidth [rad/s], limit [-], dt, lead [s].
-
-    most : largest change of the command in a sample [-].
-    """
+    """Dead time in whole samples and a fraction, samples of the horizon, bandwidth [rad/s], limit [-], dt, lead [s]."""
 
     whole: int
     fraction: float
@@ -59,7 +56,7 @@ class Settings(NamedTuple):
     limit: float
     sample_time: float
     lead: float
-    most: float
+    most: float  # largest change of the command in a sample [-]
 
 
 @njit

@@ -30,14 +30,10 @@ class EarthquakeRecord(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Samples of a reference before shaping.
+    """Samples of a reference before shaping."""
 
-    states : (n, 3), position [m], velocity [m/s], acceleration [m/s²] at k * sample_time.
-    notes : figures worth reporting by name (factor, crest factor, ...).
-    """
-
-    states: Array
-    notes: dict[str, Any]
+    states: Array  # (n, 3), position [m], velocity [m/s], acceleration [m/s²] at k * sample_time
+    notes: dict[str, Any]  # figures worth reporting by name (factor, crest factor, ...)
 
 
 @dataclass(frozen=True)

@@ -69,18 +69,12 @@ def envelope(time: Array, duration: float, peak_place: float, end_level: float) 
 
 
 class Fitted(NamedTuple):
-    """A record made fit for the table.
+    """A record made fit for the table."""
 
-    acceleration : (m,) [m/s²].
-    time_step : [s], after time scaling.
-    factor : applied to the record's acceleration [-].
-    limited_by : name of the limit that reduced `scale` to `factor`, empty if none did.
-    """
-
-    acceleration: Array
-    time_step: float
-    factor: float
-    limited_by: str
+    acceleration: Array  # (m,) [m/s²]
+    time_step: float  # [s], after time scaling
+    factor: float  # applied to the record's acceleration [-]
+    limited_by: str  # name of the limit that reduced `scale` to `factor`, empty if none did
 
 
 @dataclass(frozen=True)

@@ -57,16 +57,13 @@ def state_scales() -> Matrix:
 
 @dataclass(frozen=True)
 class LinearModel:
-    """ẏ = A y + B u, (position, velocity, acceleration) = C y + D u about an operating point.
+    """ẏ = A y + B u, (position, velocity, acceleration) = C y + D u about an operating point."""
 
-    states : indices of plant/states.py, shape (m,). a : (m, m). b : (m,). c : (3, m). d : (3,).
-    """
-
-    states: tuple[int, ...]
-    a: Matrix
-    b: Matrix
-    c: Matrix
-    d: Matrix
+    states: tuple[int, ...]  # indices of plant/states.py, shape (m,)
+    a: Matrix  # (m, m)
+    b: Matrix  # (m,)
+    c: Matrix  # (3, m)
+    d: Matrix  # (3,)
 
     def poles(self) -> NDArray[np.complex128]:
         """Eigenvalues of A, by size [rad/s]."""

@@ -93,13 +93,10 @@ class SensorParameters(Parameters):
 
 @dataclass(frozen=True)
 class Family:
-    """A section that any member of a family may fill.
+    """A section that any member of a family may fill."""
 
-    members : classes by the name that a file gives as `kind`. declared : the member of a file that names none.
-    """
-
-    members: Mapping[str, type[Parameters]]
-    declared: str
+    members: Mapping[str, type[Parameters]]  # classes by the name that a file gives as `kind`
+    declared: str  # the member of a file that names none
 
 
 def per_mass(field: Field[Any]) -> Field[Any]:
@@ -117,22 +114,13 @@ def per_mass(field: Field[Any]) -> Field[Any]:
 
 @dataclass(frozen=True)
 class TableLayout:
-    """What the tables of one declared model hold.
+    """What the tables of one declared model hold."""
 
-    Attributes
-    ----------
-    name : of the declared model, as effects name it.
-    sections : class of each section, or the family that its class is of.
-    optional : sections that a file may leave out; what they describe is absent then, at no cost.
-    forces_per_mass : whether the effects' forces count per moved mass.
-    without : dotted names that mean nothing here.
-    """
-
-    name: str
-    sections: Mapping[str, type[Parameters] | Family]
-    optional: tuple[str, ...] = ()
-    forces_per_mass: bool = False
-    without: tuple[str, ...] = ()
+    name: str  # of the declared model, as effects name it
+    sections: Mapping[str, type[Parameters] | Family]  # class of each section, or the family that its class is of
+    optional: tuple[str, ...] = ()  # sections that a file may leave out; what they describe is absent then, at no cost
+    forces_per_mass: bool = False  # whether the effects' forces count per moved mass
+    without: tuple[str, ...] = ()  # dotted names that mean nothing here
 
     @cached_property
     def effects(self) -> tuple[str, ...]:

@@ -34,22 +34,14 @@ NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][-+]?\d+)?")
 
 @dataclass(frozen=True)
 class Accelerogram:
-    """One channel of acceleration, uniform in time.
+    """One channel of acceleration, uniform in time."""
 
-    time_step : [s].
-    acceleration : (n,) [m/s²].
-    name : station, component or file name.
-    format : name in the table of formats.
-    unit : as found in the file, "m/s2", "cm/s2", "g", or how the file writes another one.
-    warnings : what a user should know, one line each.
-    """
-
-    time_step: float
-    acceleration: Array
-    name: str
-    format: str
-    unit: str
-    warnings: tuple[str, ...] = ()
+    time_step: float  # [s]
+    acceleration: Array  # (n,) [m/s²]
+    name: str  # station, component or file name
+    format: str  # name in the table of formats
+    unit: str  # as found in the file, "m/s2", "cm/s2", "g", or how the file writes another one
+    warnings: tuple[str, ...] = ()  # what a user should know, one line each
 
     @property
     def time(self) -> Array:
@@ -122,40 +114,25 @@ class Text:
 
 @dataclass(frozen=True, kw_only=True)
 class Component:
-    """One channel of a file: where its numbers stand and what they are.
+    """One channel of a file: where its numbers stand and what they are."""
 
-    Attributes
-    ----------
-    label : component, as the file calls it.
-    name : of the station.
-    step : between samples [s].
-    unit : of the numbers, empty where the file names none.
-    line : index of the line that announces them, for messages.
-    first : index of the first line of numbers.
-    count : samples; None for all that follow.
-    width, per_line : columns of characters and their number; 0 where blanks separate.
-    columns, column : numbers to a sample, and which of them is the acceleration, from 0.
-    factor : on the numbers, to `unit` [-].
-    peak : as the header declares it, in `unit`; None where it does not.
-    about_mean : the declared peak is about the mean.
-    followed : other numbers may stand right behind.
-    """
-
-    label: str
-    name: str
-    step: float
-    unit: str
-    line: int
-    first: int
-    count: int | None
+    label: str  # component, as the file calls it
+    name: str  # of the station
+    step: float  # between samples [s]
+    unit: str  # of the numbers, empty where the file names none
+    line: int  # index of the line that announces them, for messages
+    first: int  # index of the first line of numbers
+    count: int | None  # samples; None for all that follow
+    # width, per_line: columns of characters and their number; 0 where blanks separate
     width: int = 0
     per_line: int = 0
+    # columns, column: numbers to a sample, and which of them is the acceleration, from 0
     columns: int = 1
     column: int = 0
-    factor: float = 1.0
-    peak: float | None = None
-    about_mean: bool = False
-    followed: bool = False
+    factor: float = 1.0  # on the numbers, to `unit` [-]
+    peak: float | None = None  # as the header declares it, in `unit`; None where it does not
+    about_mean: bool = False  # the declared peak is about the mean
+    followed: bool = False  # other numbers may stand right behind
 
 
 def read_channel(text: Text, channels: Sequence[Component], channel: int, unit: str, form: str) -> Accelerogram:

@@ -27,20 +27,12 @@ USABLE = 0.5  # share of samples below which an optional signal is not used
 
 @dataclass(frozen=True)
 class Grid:
-    """The time base: stamps of the positions.
+    """The time base: stamps of the positions."""
 
-    Attributes
-    ----------
-    stamps : (n,) [ns], rising.
-    gaps : (n - 1,) whether samples are missing after each sample.
-    sample_time : mean distance of neighbours outside of gaps [s].
-    restarted : whether the recording holds another run, which was left out.
-    """
-
-    stamps: Integers
-    gaps: npt.NDArray[np.bool_]
-    sample_time: float
-    restarted: bool = False
+    stamps: Integers  # (n,) [ns], rising
+    gaps: npt.NDArray[np.bool_]  # (n - 1,) whether samples are missing after each sample
+    sample_time: float  # mean distance of neighbours outside of gaps [s]
+    restarted: bool = False  # whether the recording holds another run, which was left out
 
     @property
     def time(self) -> Floats:

@@ -26,26 +26,18 @@ from shake_ros.settings import read_yaml
 
 @dataclass(frozen=True)
 class Finding:
-    """One kind of trouble on one topic.
+    """One kind of trouble on one topic."""
 
-    Attributes
-    ----------
-    kind : damage (of the file: cut, checksum, metadata that do not fit), skipped (a channel that cannot be used),
-        undecodable, joint, publishers, covariance (data declared as not measured), clock (stamps of another one),
-        missing_stamp, reversed_time, restart (time jumps back to an earlier run), duplicate, gap, jitter,
-        not_a_number, clipping, constant, unit (a size that suggests another one), resampled, idle (the command did
-        not act), absent (an optional signal that is not there or not usable).
-    topic : full topic name, empty where the whole recording is meant.
-    count : how many samples, messages or places.
-    text : the sentence for a person, with the first place where it happens.
-    time : first place, seconds from the first sample [s]; None where it has none.
-    """
-
+    # damage (of the file: cut, checksum, metadata that do not fit), skipped (a channel that cannot be used),
+    # undecodable, joint, publishers, covariance (data declared as not measured), clock (stamps of another one),
+    # missing_stamp, reversed_time, restart (time jumps back to an earlier run), duplicate, gap, jitter, not_a_number,
+    # clipping, constant, unit (a size that suggests another one), resampled, idle (the command did not act), absent (an
+    # optional signal that is not there or not usable)
     kind: str
-    topic: str
-    count: int
-    text: str
-    time: float | None = None
+    topic: str  # full topic name, empty where the whole recording is meant
+    count: int  # how many samples, messages or places
+    text: str  # the sentence for a person, with the first place where it happens
+    time: float | None = None  # first place, seconds from the first sample [s]; None where it has none
 
     def __str__(self) -> str:
         return f"{self.topic}: {self.text}" if self.topic else self.text

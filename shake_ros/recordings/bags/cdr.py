@@ -43,19 +43,14 @@ def typestore() -> Typestore:
 
 @dataclass
 class Layout:
-    """Where the fields of one message stand.
-
-    Attributes
-    ----------
-    fields : path such as `points[0].positions[0]` → (byte offset, numpy type).
-    texts : path → text.
-    lengths : (offset, words of 4 bytes) that decide the layout, with the bytes of the texts.
-    """
+    """Where the fields of one message stand."""
 
     order: Literal["<", ">"]
     size: int
+    # path such as `points[0].positions[0]` → (byte offset, numpy type)
     fields: dict[str, tuple[int, np.dtype[Any]]] = field(default_factory=dict)
-    texts: dict[str, str] = field(default_factory=dict)
+    texts: dict[str, str] = field(default_factory=dict)  # path → text
+    # (offset, words of 4 bytes) that decide the layout, with the bytes of the texts
     lengths: list[tuple[int, int]] = field(default_factory=list)
 
     @functools.cached_property

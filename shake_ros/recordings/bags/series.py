@@ -32,22 +32,13 @@ class Publisher(NamedTuple):
 
 @dataclass(frozen=True)
 class Signal:
-    """What is read from a topic.
+    """What is read from a topic."""
 
-    Attributes
-    ----------
-    name : last component of the topic's name.
-    also : other ends of its name, in the order in which they are preferred.
-    type : message type.
-    paths : field of each column; `{joint}` means the index of the joint.
-    joint : name of the joint to take.
-    """
-
-    name: str
-    type: str
-    paths: tuple[str, ...]
-    joint: str = ""
-    also: tuple[str, ...] = ()
+    name: str  # last component of the topic's name
+    type: str  # message type
+    paths: tuple[str, ...]  # field of each column; `{joint}` means the index of the joint
+    joint: str = ""  # name of the joint to take
+    also: tuple[str, ...] = ()  # other ends of its name, in the order in which they are preferred
 
     def joints(self, layout: Layout) -> tuple[str, ...]:
         """Names of the joints in messages with this layout."""
@@ -94,21 +85,14 @@ ARRAYS = ("stamps", "received", "values", "sources")  # of a series
 
 @dataclass(frozen=True)
 class Series:
-    """The samples of one topic.
+    """The samples of one topic."""
 
-    Attributes
-    ----------
-    topic : full name.
-    stamps, received : (n,) header.stamp and time of receipt [ns].
-    values : (n, width) numbers in the units of the message.
-    sources : (n,) number of the `Publisher` of each message; −1 where it cannot be decoded.
-    """
-
-    topic: str
+    topic: str  # full name
+    # stamps, received: (n,) header.stamp and time of receipt [ns]
     stamps: Integers
     received: Integers
-    values: Floats
-    sources: Integers
+    values: Floats  # (n, width) numbers in the units of the message
+    sources: Integers  # (n,) number of the `Publisher` of each message; −1 where it cannot be decoded
 
     def __len__(self) -> int:
         return len(self.stamps)

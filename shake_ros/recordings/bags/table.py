@@ -38,18 +38,11 @@ SHORTEST_SEGMENT = 2
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a recording came from.
+    """Where a recording came from."""
 
-    Attributes
-    ----------
-    topics : signal → full topic name.
-    start_stamp : header.stamp of the first sample [ns].
-    complete : whether the files were closed properly.
-    """
-
-    topics: dict[str, str]
-    start_stamp: int
-    complete: bool
+    topics: dict[str, str]  # signal → full topic name
+    start_stamp: int  # header.stamp of the first sample [ns]
+    complete: bool  # whether the files were closed properly
 
 
 @dataclass(frozen=True)

@@ -166,29 +166,18 @@ REMARKS = re.compile(r"comment|kommentar|remark|marker|event|note|bemerkung|comm
 
 @dataclass(frozen=True)
 class Dialect:
-    """How a table is written.
+    """How a table is written."""
 
-    Attributes
-    ----------
-    separator : between cells; a blank for any white space.
-    decimal : point or comma.
-    width : columns of a row.
-    numbers : indices of the columns that hold numbers or times of day.
-    rows : first line and the one after the last of each block of rows, from 0.
-    names, units : of the columns, empty where there is none.
-    header : lines above the rows.
-    notes : what was left out, a line each.
-    """
-
-    separator: str
-    decimal: str
-    width: int
-    numbers: tuple[int, ...]
-    rows: tuple[tuple[int, int], ...]
+    separator: str  # between cells; a blank for any white space
+    decimal: str  # point or comma
+    width: int  # columns of a row
+    numbers: tuple[int, ...]  # indices of the columns that hold numbers or times of day
+    rows: tuple[tuple[int, int], ...]  # first line and the one after the last of each block of rows, from 0
+    # names, units: of the columns, empty where there is none
     names: tuple[str, ...]
     units: tuple[str, ...]
-    header: tuple[str, ...]
-    notes: tuple[str, ...]
+    header: tuple[str, ...]  # lines above the rows
+    notes: tuple[str, ...]  # what was left out, a line each
 
 
 def find_layout(lines: Sequence[str], skip: int = 0, decimal: str = "") -> Dialect:

@@ -31,24 +31,14 @@ class Described:
 
 @dataclass(frozen=True)
 class Proposal:
-    """What a table holds and how to import it; `str` of it is for a person.
+    """What a table holds and how to import it; `str` of it is for a person."""
 
-    Attributes
-    ----------
-    path : the file.
-    columns : those that hold numbers.
-    rows : their number.
-    rate : of the samples, from the column of the time [Hz]; None where there is none.
-    arguments : of `import_csv`, with a word in capitals for what the user has to choose.
-    notes : what was left out of the file.
-    """
-
-    path: Path
-    columns: tuple[Described, ...]
-    rows: int
-    rate: float | None
-    arguments: tuple[str, ...]
-    notes: tuple[str, ...]
+    path: Path  # the file
+    columns: tuple[Described, ...]  # those that hold numbers
+    rows: int  # their number
+    rate: float | None  # of the samples, from the column of the time [Hz]; None where there is none
+    arguments: tuple[str, ...]  # of `import_csv`, with a word in capitals for what the user has to choose
+    notes: tuple[str, ...]  # what was left out of the file
 
     @property
     def command(self) -> str:

@@ -40,13 +40,10 @@ AS_THEY_ARE = ("share", "voltage", "current", "force", "count")  # quantities th
 
 @dataclass(frozen=True)
 class Column:
-    """A column by name or by number from 1, with the factor that takes it to SI units and what is added then.
-
-    scale : None where the unit in the heading decides.
-    """
+    """A column by name or by number from 1, with the factor that takes it to SI units and what is added then."""
 
     name: str
-    scale: float | None = None
+    scale: float | None = None  # None where the unit in the heading decides
     offset: float = 0.0
 
     @classmethod
@@ -81,27 +78,18 @@ class Converted(NamedTuple):
 
 @dataclass(frozen=True)
 class ColumnTable:
-    """Columns with names and units.
+    """Columns with names and units."""
 
-    Attributes
-    ----------
-    path : the file.
-    names, units : of the columns; units are those of a row or attribute of their own, empty where there are none.
-    read : gives the values of the columns of some indices, NaN where a cell is empty.
-    numbers : indices of the columns that hold numbers.
-    header : lines above the table.
-    notes : what was left out, a line each; more may come with what is read.
-    line : of the file in which row `i` stands, for messages.
-    """
-
-    path: Path
+    path: Path  # the file
+    # names, units: of the columns; units are those of a row or attribute of their own, empty where there are none
     names: tuple[str, ...]
     units: tuple[str, ...]
+    # gives the values of the columns of some indices, NaN where a cell is empty
     read: Callable[[Sequence[int]], list[Floats]]
-    numbers: tuple[int, ...]
-    header: tuple[str, ...] = ()
-    notes: list[str] = field(default_factory=list)
-    line: Callable[[int], str] = lambda row: f"row {row + 1}"
+    numbers: tuple[int, ...]  # indices of the columns that hold numbers
+    header: tuple[str, ...] = ()  # lines above the table
+    notes: list[str] = field(default_factory=list)  # what was left out, a line each; more may come with what is read
+    line: Callable[[int], str] = lambda row: f"row {row + 1}"  # of the file in which row `i` stands, for messages
 
     def place(self, name: str) -> int:
         """Index of a column: its name, its name in another case or without its unit, or its number from 1.

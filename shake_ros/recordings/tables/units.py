@@ -58,19 +58,12 @@ WORDS = {  # quantity → what headings call it; the first that fits counts
 
 
 class Unit(NamedTuple):
-    """A unit as a heading names it.
+    """A unit as a heading names it."""
 
-    Attributes
-    ----------
-    text : as written.
-    quantity : of QUANTITIES, or what its dimensions are.
-    factor : to the SI unit [-].
-    certain : it stands in brackets, behind a comma or in a row of units; otherwise it is the end of a name.
-    """
-
-    text: str
-    quantity: str
-    factor: float
+    text: str  # as written
+    quantity: str  # of QUANTITIES, or what its dimensions are
+    factor: float  # to the SI unit [-]
+    # it stands in brackets, behind a comma or in a row of units; otherwise it is the end of a name
     certain: bool = True
 
 
