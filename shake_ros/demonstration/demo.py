@@ -221,23 +221,16 @@ def _run(
 
 @dataclass(frozen=True)
 class DemoResult:
-    """What the demo found.
+    """What the demo found."""
 
-    Attributes
-    ----------
-    runs : of the real table, with the models fitted to them.
-    hidden : name of the hidden effect.
-    result : models before and after, with their errors on test data too.
-    learn, hold, test : estimation, validation and test data.
-    tracks : the earthquake with the declared and with the extended model in observer and controller, by name.
-    """
-
-    runs: MeasuredRuns
-    hidden: str
-    result: LoopClosure
+    runs: MeasuredRuns  # of the real table, with the models fitted to them
+    hidden: str  # name of the hidden effect
+    result: LoopClosure  # models before and after, with their errors on test data too
+    # learn, hold, test: estimation, validation and test data
     learn: Sequence[Record]
     hold: Sequence[Record]
     test: Sequence[Record]
+    # the earthquake with the declared and with the extended model in observer and controller, by name
     tracks: Mapping[str, Track]
 
 

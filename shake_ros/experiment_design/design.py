@@ -64,17 +64,11 @@ BOTH = math.sqrt(2.0)  # of weighted residuals: the second half of a motion tell
 
 @dataclass(frozen=True)
 class Separation:
-    """What a motion is expected to do to one rival.
+    """What a motion is expected to do to one rival."""
 
-    Attributes
-    ----------
-    rival : its name.
-    gain : expected gain in log likelihood of the model found over it [nats].
-    left : acceleration that its refit leaves unexplained in the first half of the motion, shape (n,) [m/s²].
-    """
-
-    rival: str
-    gain: float
+    rival: str  # its name
+    gain: float  # expected gain in log likelihood of the model found over it [nats]
+    # acceleration that its refit leaves unexplained in the first half of the motion, shape (n,) [m/s²]
     left: Array = field(repr=False)
 
     @property
@@ -90,22 +84,13 @@ class Separation:
 
 @dataclass(frozen=True)
 class PredictedExcitation:
-    """A motion as the model found predicts it.
+    """A motion as the model found predicts it."""
 
-    Attributes
-    ----------
-    motion : asked for.
-    samples : of the reference, shape (n, 3).
-    record : what its sensors would show of the first half, which the second mirrors.
-    separations : of each rival that a search has left open.
-    absent : of each effect that the model found lacks and the recordings do not exclude.
-    """
-
-    motion: Excitation
-    samples: Array
-    record: Record
-    separations: tuple[Separation, ...] = ()
-    absent: tuple[Separation, ...] = ()
+    motion: Excitation  # asked for
+    samples: Array  # of the reference, shape (n, 3)
+    record: Record  # what its sensors would show of the first half, which the second mirrors
+    separations: tuple[Separation, ...] = ()  # of each rival that a search has left open
+    absent: tuple[Separation, ...] = ()  # of each effect that the model found lacks and the recordings do not exclude
 
     @property
     def rate(self) -> float:
@@ -117,20 +102,12 @@ class PredictedExcitation:
 
 @dataclass(frozen=True)
 class Rival:
-    """An answer beside the model found.
+    """An answer beside the model found."""
 
-    Attributes
-    ----------
-    name : of it.
-    fit : that explains the recordings at hand as well as it can.
-    information : of its parameters from these recordings, per unit of x, shape (p, p).
-    wide : widening of its variances.
-    """
-
-    name: str
-    fit: Fit
-    information: Array = field(repr=False)
-    wide: float
+    name: str  # of it
+    fit: Fit  # that explains the recordings at hand as well as it can
+    information: Array = field(repr=False)  # of its parameters from these recordings, per unit of x, shape (p, p)
+    wide: float  # widening of its variances
 
     @classmethod
     def of(cls, name: str, there: Fit, problem: RecordingProblem) -> Rival:
@@ -140,28 +117,17 @@ class Rival:
 
 @dataclass(frozen=True)
 class Designer:
-    """What a design knows.
+    """What a design knows."""
 
-    Attributes
-    ----------
-    model : of all rivals.
-    found : the model found.
-    rivals : that a search has left open.
-    absent : the model found with each effect that it lacks and the recordings do not exclude.
-    limits : of position, velocity and acceleration.
-    like : a recording whose noise the next one will have.
-    moved : the model found with its parameters a standard deviation away, to either side, as rivals of itself.
-    interlock : that no motion may bring about.
-    """
-
-    model: DeclaredModel
-    found: Rival
-    rivals: tuple[Rival, ...]
-    absent: tuple[Rival, ...]
-    limits: Envelope
-    like: Record
+    model: DeclaredModel  # of all rivals
+    found: Rival  # the model found
+    rivals: tuple[Rival, ...]  # that a search has left open
+    absent: tuple[Rival, ...]  # the model found with each effect that it lacks and the recordings do not exclude
+    limits: Envelope  # of position, velocity and acceleration
+    like: Record  # a recording whose noise the next one will have
+    # the model found with its parameters a standard deviation away, to either side, as rivals of itself
     moved: tuple[Rival, ...]
-    interlock: InterlockParameters | None = None
+    interlock: InterlockParameters | None = None  # that no motion may bring about
 
     @classmethod
     def of(
@@ -298,15 +264,11 @@ class Designer:
 
 @dataclass(frozen=True)
 class ModelComparison:
-    """Models on a predicted motion, each compared with the model found.
+    """Models on a predicted motion, each compared with the model found."""
 
-    Attributes
-    ----------
-    problem : of the first half of the motion. found : the model found. truth, slopes : its residuals and Jacobian.
-    """
-
-    problem: RecordingProblem | WithSensors
-    found: Rival
+    problem: RecordingProblem | WithSensors  # of the first half of the motion
+    found: Rival  # the model found
+    # truth, slopes: its residuals and Jacobian
     truth: Array
     slopes: Array
 

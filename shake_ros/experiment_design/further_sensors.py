@@ -44,18 +44,11 @@ KEYS = ("signal", "noise")
 
 @dataclass(frozen=True)
 class FurtherSensor:
-    """A sensor that a table may lack.
+    """A sensor that a table may lack."""
 
-    Attributes
-    ----------
-    name : of config/experiment/sensors.yaml.
-    signal : of SIGNALS.
-    noise : standard deviation of a sample [unit of the signal].
-    """
-
-    name: str
-    signal: str
-    noise: float
+    name: str  # of config/experiment/sensors.yaml
+    signal: str  # of SIGNALS
+    noise: float  # standard deviation of a sample [unit of the signal]
 
 
 def further_sensors(name: str = "sensors") -> list[FurtherSensor]:

@@ -299,18 +299,11 @@ def remedies(
 
 @dataclass(frozen=True)
 class Decided:
-    """How open questions were settled.
+    """How open questions were settled."""
 
-    Attributes
-    ----------
-    found : the last result; its `failures` name an error that ended the series.
-    played : motions in their order, each with what it was expected to do.
-    last : what the last design said; None where that design failed.
-    """
-
-    found: Discovery
-    played: tuple[NextRecording, ...]
-    last: NextRecording | None
+    found: Discovery  # the last result; its `failures` name an error that ended the series
+    played: tuple[NextRecording, ...]  # motions in their order, each with what it was expected to do
+    last: NextRecording | None  # what the last design said; None where that design failed
 
 
 def decide(

@@ -190,15 +190,11 @@ class HarmonicAmplitudes:
 
 @dataclass(frozen=True)
 class HarmonicAccount(HarmonicAmplitudes):
-    """Simulated harmonics of all runs of a problem.
+    """Simulated harmonics of all runs of a problem."""
 
-    Attributes
-    ----------
-    whole_distortion : THD of all orders below half the sampling rate, odd and even, shape (number of runs,) [-].
-    traces : per run the acceleration over its whole periods, from a peak of the command on, shape (samples,) [m/s²].
-    """
-
+    # THD of all orders below half the sampling rate, odd and even, shape (number of runs,) [-]
     whole_distortion: np.ndarray
+    # per run the acceleration over its whole periods, from a peak of the command on, shape (samples,) [m/s²]
     traces: tuple[np.ndarray, ...]
 
     @property

@@ -186,22 +186,13 @@ def left_out(problem: HarmonicProblem, fitted: Fit) -> HarmonicAmplitudes:
 
 @dataclass(frozen=True)
 class MeasuredModel:
-    """One model of the runs: as printed, or fitted to them.
+    """One model of the runs: as printed, or fitted to them."""
 
-    Attributes
-    ----------
-    name : for people.
-    table : its parameters.
-    account : what it makes of the runs.
-    fitted : None where the parameters are printed.
-    left_out : predictions of the runs left out, where they were made.
-    """
-
-    name: str
-    table: TableParameters
-    account: HarmonicAccount
-    fitted: FittedVariant | None = None
-    left_out: HarmonicAmplitudes | None = None
+    name: str  # for people
+    table: TableParameters  # its parameters
+    account: HarmonicAccount  # what it makes of the runs
+    fitted: FittedVariant | None = None  # None where the parameters are printed
+    left_out: HarmonicAmplitudes | None = None  # predictions of the runs left out, where they were made
 
 
 @dataclass(frozen=True)

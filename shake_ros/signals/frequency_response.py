@@ -37,26 +37,15 @@ REACH = 1000  # lines to which leakage is followed
 
 @dataclass(frozen=True)
 class FrequencyResponse:
-    """Response per input on lines of frequency, all arrays of shape (m,).
+    """Response per input on lines of frequency, all arrays of shape (m,)."""
 
-    Attributes
-    ----------
-    frequency : [Hz].
-    response : complex gain [unit of response per unit of input].
-    coherence : 0 … 1 [-].
-    leaked : share of the power at a line that the window may leak there from others, of the worse signal [-].
-    deviation : relative standard deviation of the gain [-].
-    phase : continuous, 0 at rest [rad].
-    windows : number of windows averaged.
-    """
-
-    frequency: Floats
-    response: NDArray[np.complex128]
-    coherence: Floats
-    deviation: Floats
-    phase: Floats
-    windows: int
-    leaked: Floats
+    frequency: Floats  # [Hz]
+    response: NDArray[np.complex128]  # complex gain [unit of response per unit of input]
+    coherence: Floats  # 0 … 1 [-]
+    deviation: Floats  # relative standard deviation of the gain [-]
+    phase: Floats  # continuous, 0 at rest [rad]
+    windows: int  # number of windows averaged
+    leaked: Floats  # share of the power at a line that the window may leak there from others, of the worse signal [-]
 
     @property
     def gain(self) -> Floats:
@@ -145,19 +134,12 @@ def followed_phase(response: NDArray[np.complex128], coherence: Floats) -> Float
 
 @dataclass(frozen=True)
 class DescribingFunction:
-    """Fundamental of an output per command.
+    """Fundamental of an output per command."""
 
-    Attributes
-    ----------
-    output : name of the output.
-    amplitudes : of the command, shape (m,) [-].
-    frequencies : shape (n,) [Hz].
-    response : complex, shape (m, n) [unit of the output]; its magnitude is the gain, its angle the phase [rad].
-    """
-
-    output: str
-    amplitudes: Floats
-    frequencies: Floats
+    output: str  # name of the output
+    amplitudes: Floats  # of the command, shape (m,) [-]
+    frequencies: Floats  # shape (n,) [Hz]
+    # complex, shape (m, n) [unit of the output]; its magnitude is the gain, its angle the phase [rad]
     response: NDArray[np.complex128]
 
     @property

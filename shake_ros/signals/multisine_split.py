@@ -29,28 +29,20 @@ UNREPEATED = 0.3  # scatter of the periods, relative to the excitation, from whi
 
 @dataclass(frozen=True)
 class MultisineSplit:
-    """Lines of a response, from the first above zero to below half the sampling rate, each array of shape (n,).
+    """Lines of a response, from the first above zero to below half the sampling rate, each array of shape (n,)."""
 
-    Attributes
-    ----------
-    frequency : [Hz].
-    response : complex amplitude of the mean period, corrected on lines left out [its unit].
-    noise : standard deviation of those amplitudes through noise, from the scatter of the periods; NaN for one period.
-    excited, odd : which lines are excited, which are odd multiples of 1/period.
-    gain : response per excitation on excited lines, NaN elsewhere.
-    odd_level : amplitude of the odd distortion on each line, on excited lines interpolated from the odd lines left out
-        beside them; NaN where no odd line is left out.
-    periods : number of periods used.
-    """
-
-    frequency: Floats
-    response: Complexes
+    frequency: Floats  # [Hz]
+    response: Complexes  # complex amplitude of the mean period, corrected on lines left out [its unit]
+    # standard deviation of those amplitudes through noise, from the scatter of the periods; NaN for one period
     noise: Floats
+    # excited, odd: which lines are excited, which are odd multiples of 1/period
     excited: NDArray[np.bool_]
     odd: NDArray[np.bool_]
-    gain: Complexes
+    gain: Complexes  # response per excitation on excited lines, NaN elsewhere
+    # amplitude of the odd distortion on each line, on excited lines interpolated from the odd lines left out beside
+    # them; NaN where no odd line is left out
     odd_level: Floats
-    periods: int
+    periods: int  # number of periods used
 
     @property
     def separates_even_from_odd(self) -> bool:

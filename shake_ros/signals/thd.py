@@ -31,26 +31,17 @@ QUARTILE = 0.25
 
 @dataclass(frozen=True)
 class Harmonics:
-    """Harmonics of a signal y(t) = offset + Σ_k amplitude_k · sin(2π k f t + phase_k) + rest.
+    """Harmonics of a signal y(t) = offset + Σ_k amplitude_k · sin(2π k f t + phase_k) + rest."""
 
-    Attributes
-    ----------
-    frequency : the fundamental f [Hz].
-    amplitude : (K,) of orders 1 … K [unit of the signal].
-    phase : (K,) at time 0 of the given times [rad], in (−π, π].
-    offset : mean of the signal [unit of the signal].
-    floor : standard deviation of white noise that has the lower quartile of the rest's spectrum, which lines between
-        the harmonics hardly raise [unit].
-    rest : root mean square of what the K harmonics leave, noise and lines in between [unit].
-    samples, periods, start, stop : the window: number of samples, periods in it, first and last time [s].
-    """
-
-    frequency: float
-    amplitude: Floats
-    phase: Floats
-    offset: float
+    frequency: float  # the fundamental f [Hz]
+    amplitude: Floats  # (K,) of orders 1 … K [unit of the signal]
+    phase: Floats  # (K,) at time 0 of the given times [rad], in (−π, π]
+    offset: float  # mean of the signal [unit of the signal]
+    # standard deviation of white noise that has the lower quartile of the rest's spectrum, which lines between the
+    # harmonics hardly raise [unit]
     floor: float
-    rest: float
+    rest: float  # root mean square of what the K harmonics leave, noise and lines in between [unit]
+    # samples, periods, start, stop: the window: number of samples, periods in it, first and last time [s]
     samples: int
     periods: float
     start: float
