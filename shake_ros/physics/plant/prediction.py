@@ -101,14 +101,6 @@ def advance_auxiliary(aux, decay, chain, before, now, mean):
 
 
 @kernel
-def advance_all(p, y, aux, commands, k, command_before, decay, dt, work, tolerance, chain, before):
-    """One sample of the table with its disturbances, in place; returns the felt acceleration at its end [m/s²]."""
-    now, mean = advance_table(p, y, aux, commands, k, command_before, dt, work, tolerance, before)
-    advance_auxiliary(aux, decay, chain, before, now, mean)
-    return now
-
-
-@kernel
 def shown(p, y, aux, now, chain, scale, row):
     """What the sensors show at an instant, into `row`: position [m], acceleration [m/s²] and load pressure [Pa].
 
@@ -118,6 +110,24 @@ def shown(p, y, aux, now, chain, scale, row):
     row[1] = scaled(p, aux[4 + OUTPUT] if chain.shape[0] > 0 else now) + aux[3]
     if row.shape[0] > 2:
         row[2] = scale * (y[PRESSURE_A] - y[PRESSURE_B]) + aux[6]
+
+
+@kernel
+def innovate(p, y, aux, now, chain, scale, measured, row, out):
+    """The innovations of a sample into `out`, shape (m,), 0 where nothing was measured; `row` as of `shown`."""
+    shown(p, y, aux, now, chain, scale, row)
+    for c in range(row.shape[0]):
+        out[c] = measured[c] - row[c] if math.isfinite(measured[c]) else 0.0
+
+
+@kernel
+def corrected_by(p, y, aux, codes, gain, innovations):
+    """Move the corrected coordinates by K e, in place."""
+    for j in range(codes.shape[0]):
+        amount = 0.0
+        for c in range(innovations.shape[0]):
+            amount += gain[j, c] * innovations[c]
+        shift(p, y, aux, codes[j], amount)
 
 
 @njit
@@ -135,25 +145,19 @@ def predict(
     scale : as of `shown`. tolerance, chain, pace, following : as in `simulate`.
     out : innovations, shape (n, m); 0 where nothing was measured.
     """
-    channels = measured.shape[1]
-    y, aux, row = y0.copy(), np.zeros(AUXILIARY), np.zeros(channels)
+    y, aux, row = y0.copy(), np.zeros(AUXILIARY), np.zeros(measured.shape[1])
     work = workspace()
     pacing = pace.shape[0] > 0
     now = felt(p, y, acceleration_now(p, y, work[STAGE]))
     aux[4 + OUTPUT] = now
     for i in range(commands.shape[0]):
-        shown(p, y, aux, now, chain, scale, row)
-        for c in range(channels):
-            e = measured[i, c] - row[c]
-            out[i, c] = e if math.isfinite(measured[i, c]) else 0.0
-        for j in range(codes.shape[0]):
-            amount = 0.0
-            for c in range(channels):
-                amount += gains[i, j, c] * out[i, c]
-            shift(p, y, aux, codes[j], amount)
+        innovate(p, y, aux, now, chain, scale, measured[i], row, out[i])
+        corrected_by(p, y, aux, codes, gains[i], out[i])
         if pacing:
             begin_sample(work[PACE], pace[i], following)
-        now = advance_all(p, y, aux, commands, i, command_before, decay, dt, work, tolerance, chain, now)
+        after, mean = advance_table(p, y, aux, commands, i, command_before, dt, work, tolerance, now)
+        advance_auxiliary(aux, decay, chain, now, after, mean)
+        now = after
         if pacing and not following:
             end_sample(work[PACE], pace[i])
         if not math.isfinite(now):
@@ -200,33 +204,32 @@ def whitener(cov, measured, white):
 
 
 @kernel
-def correct(cov, cross, white, process, gain):
+def product(a, b, out):
+    """The matrix a b into `out`: BLAS takes four times as long for so small ones."""
+    for i in range(a.shape[0]):
+        for j in range(b.shape[1]):
+            value = 0.0
+            for k in range(a.shape[1]):
+                value += a[i, k] * b[k, j]
+            out[i, j] = value
+
+
+@kernel
+def correct(cov, cross, white, process, whitened, gain):
     """The gain K = C S⁻¹ = C Wᵀ W into `gain`, and the covariance after the correction and a sample's noise in place.
 
     Parameters
     ----------
-    cov : covariance of the coordinates, shape (s, s). cross : C, that with the innovations, shape (s, m); C Wᵀ behind.
+    cov : covariance of the coordinates, shape (s, s). cross : C, that with the innovations, shape (s, m).
     white : W. process : standard deviation that each coordinate gains over a sample, shape (s,).
-    gain : result, shape (s, m).
+    whitened, gain : results C Wᵀ and K, shape (s, m).
     """
-    channels = white.shape[0]
+    product(cross, white.T, whitened)
+    product(whitened, white, gain)
     for j in range(cov.shape[0]):
-        for c in range(channels - 1, -1, -1):
-            along = 0.0
-            for d in range(c + 1):
-                along += white[c, d] * cross[j, d]
-            cross[j, c] = along
-        for d in range(channels):
-            value = 0.0
-            for c in range(d, channels):
-                value += cross[j, c] * white[c, d]
-            gain[j, d] = value
-        for k in range(j + 1):
-            value = cov[j, k]
-            for c in range(channels):
-                value -= cross[j, c] * cross[k, c]
-            cov[j, k] = value
-            cov[k, j] = value
+        for k in range(cov.shape[0]):
+            for c in range(white.shape[0]):
+                cov[j, k] -= whitened[j, c] * whitened[k, c]
         cov[j, j] = max(cov[j, j], 0.0) + process[j] ** 2
 
 
@@ -251,36 +254,6 @@ def by_coordinates(change, sensor_change, lower, transition, sensing):
             for m in range(j + 1, n):
                 value -= sensing[m, c] * lower[m, j]
             sensing[j, c] = value / lower[j, j]
-
-
-@kernel
-def foreseen(change, sensor_change, sensor, cov, cross, innovation):
-    """Covariances at the next sample: of the coordinates, of these with the innovations, and of the innovations.
-
-    Parameters
-    ----------
-    change, sensor_change : as of `by_coordinates`. sensor : standard deviations of the sensors' noise, shape (m,).
-    cov, cross, innovation : results, shapes (s, s), (s, m) and (m, m).
-    """
-    s, channels = cov.shape[0], sensor.shape[0]
-    for c in range(channels):
-        for d in range(c + 1):
-            value = sensor[c] ** 2 if c == d else 0.0
-            for j in range(s):
-                value += sensor_change[j, c] * sensor_change[j, d]
-            innovation[c, d] = innovation[d, c] = value
-    for j in range(s):
-        for c in range(channels):
-            value = 0.0
-            for m in range(s):
-                value += change[j, m] * sensor_change[m, c]
-            cross[j, c] = value
-        for k in range(j + 1):
-            value = 0.0
-            for m in range(s):
-                value += change[j, m] * change[k, m]
-            cov[j, k] = value
-            cov[k, j] = value
 
 
 @njit
@@ -329,28 +302,17 @@ def kalman(
     work = workspace()
     tried, tried_aux = y0.copy(), np.zeros(AUXILIARY)
     begun, begun_aux = y0.copy(), np.zeros(AUXILIARY)
-    cov, lower = np.zeros((s, s)), np.zeros((s, s))
-    state_change, sensor_change = np.zeros((s, s)), np.zeros((s, channels))
-    cross, path = np.zeros((s, channels)), np.zeros((n, s))
-    innovation = np.zeros((channels, channels))
-    for j in range(s):
-        cov[j, j] = first[j] ** 2
+    cov, lower, cross, whitened = np.diag(first**2), np.zeros((s, s)), np.zeros((s, channels)), np.zeros((s, channels))
+    state_change, sensor_change, path = np.zeros((s, s)), np.zeros((s, channels)), np.zeros((n, s))
     now = felt(p, y, acceleration_now(p, y, work[STAGE]))
     aux[4 + OUTPUT] = now
-    for c in range(channels):
-        innovation[c, c] = sensor[c] ** 2
+    innovation = np.diag(sensor**2)
     innovation[1, 1] += (0.5 * abs(now)) ** 2
     for i in range(n):
-        shown(p, y, aux, now, chain, scale, row)
-        for c in range(channels):
-            out[i, c] = measured[i, c] - row[c] if math.isfinite(measured[i, c]) else 0.0
+        innovate(p, y, aux, now, chain, scale, measured[i], row, out[i])
         whitener(innovation, measured[i], whitening[i])
-        correct(cov, cross, whitening[i], process[int(i >= found_by)], gains[i])
-        for j in range(s):
-            amount = 0.0
-            for c in range(channels):
-                amount += gains[i, j, c] * out[i, c]
-            shift(p, y, aux, codes[j], amount)
+        correct(cov, cross, whitening[i], process[int(i >= found_by)], whitened, gains[i])
+        corrected_by(p, y, aux, codes, gains[i], out[i])
         for j in range(s):
             path[i, j] = coordinate(p, y, aux, codes[j])
         factor(cov, s, lower)
@@ -381,7 +343,11 @@ def kalman(
                     sensor_change[j, c] = value if sign > 0.0 else sensor_change[j, c] + value
         now = after
         by_coordinates(state_change, sensor_change, lower, transition[i], sensing[i])
-        foreseen(state_change, sensor_change, sensor, cov, cross, innovation)
+        product(state_change, state_change.T, cov)
+        product(state_change, sensor_change, cross)
+        product(sensor_change.T, sensor_change, innovation)
+        for c in range(channels):
+            innovation[c, c] += sensor[c] ** 2
         finite = math.isfinite(now)
         for c in range(channels):
             finite = finite and math.isfinite(innovation[c, c])
@@ -404,69 +370,35 @@ def relevelled(measured, gains, innovations, transition, sensing, first, process
     """
     n, s, channels = gains.shape
     found = np.zeros((n - start - 1) // block + 1)
-    cov, other, cross = np.zeros((s, s)), np.zeros((s, s)), np.zeros((s, channels))
-    gain, moved, corrected = np.zeros((s, channels)), np.zeros(s), np.zeros(s)
-    innovation, white = np.zeros((channels, channels)), np.zeros((channels, channels))
-    shifted, error = np.zeros(channels), np.zeros(channels)
-    for j in range(s):
-        cov[j, j] = first[j] ** 2
-    for c in range(channels):
-        innovation[c, c] = sensor[c] ** 2
+    cov, other, innovation = np.diag(first**2), np.zeros((s, s)), np.diag(sensor**2)
+    cross, whitened = np.zeros((s, channels)), np.zeros((s, channels))
+    gain, along, white = np.zeros((s, channels)), np.zeros((s, channels)), np.zeros((channels, channels))
+    corrected, moved, before = np.zeros((s, 1)), np.zeros((s, 1)), np.zeros((s, 1))
+    error, shifted, normal = np.zeros((channels, 1)), np.zeros((channels, 1)), np.zeros((channels, 1))
     innovation[1, 1] = 1e6
     for i in range(n):
         for c in range(channels):
-            error[c] = innovations[i, c] - shifted[c] if math.isfinite(measured[i, c]) else 0.0
+            error[c, 0] = innovations[i, c] - shifted[c, 0] if math.isfinite(measured[i, c]) else 0.0
         whitener(innovation, measured[i], white)
+        product(white, error, normal)
         if i >= start:
             for c in range(channels):
-                value = 0.0
-                for d in range(c + 1):
-                    value += white[c, d] * error[d]
-                found[(i - start) // block] -= 0.5 * value * value
+                found[(i - start) // block] -= 0.5 * normal[c, 0] ** 2
                 if white[c, c] > 0.0:
                     found[(i - start) // block] += math.log(white[c, c])
-        correct(cov, cross, white, process[int(i >= found_by)], gain)
+        correct(cov, cross, white, process[int(i >= found_by)], whitened, gain)
+        product(gain, error, corrected)
+        product(gains[i], innovations[i : i + 1].T, before)
         for j in range(s):
-            corrected[j] = moved[j]
-            for c in range(channels):
-                corrected[j] += gain[j, c] * error[c] - gains[i, j, c] * innovations[i, c]
+            corrected[j, 0] += moved[j, 0] - before[j, 0]
+        f, h = transition[i], sensing[i]
+        product(h.T, corrected, shifted)
+        product(f, corrected, moved)
+        product(cov, h, along)
+        product(f, along, cross)
+        product(h.T, along, innovation)
         for c in range(channels):
-            shifted[c] = 0.0
-            for j in range(s):
-                shifted[c] += sensing[i, j, c] * corrected[j]
-        for j in range(s):
-            moved[j] = 0.0
-            for m in range(s):
-                moved[j] += transition[i, j, m] * corrected[m]
-                value = 0.0
-                for k in range(s):
-                    value += transition[i, j, k] * cov[k, m]
-                other[j, m] = value
-        for c in range(channels):
-            for d in range(c + 1):
-                innovation[c, d] = sensor[c] ** 2 if c == d else 0.0
-        for j in range(s):
-            for c in range(channels):
-                along = 0.0
-                for k in range(s):
-                    along += cov[j, k] * sensing[i, k, c]
-                for d in range(channels):
-                    if d <= c:
-                        innovation[c, d] += along * sensing[i, j, d]
-        for c in range(channels):
-            for d in range(c):
-                innovation[d, c] = innovation[c, d]
-        for j in range(s):
-            for c in range(channels):
-                value = 0.0
-                for k in range(s):
-                    value += other[j, k] * sensing[i, k, c]
-                cross[j, c] = value
-        for j in range(s):
-            for m in range(j + 1):
-                value = 0.0
-                for k in range(s):
-                    value += other[j, k] * transition[i, m, k]
-                cov[j, m] = value
-                cov[m, j] = value
+            innovation[c, c] += sensor[c] ** 2
+        product(cov, f.T, other)
+        product(f, other, cov)
     return found
