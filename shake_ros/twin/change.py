@@ -24,33 +24,10 @@ import numpy as np
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from shake_ros.twin.evidence import WindowEvidence
+from shake_ros.twin.evidence import KnownState, WindowEvidence
 
 LAGS = (1, 2, 4, 8, 16, 32, 64, 128)  # windows that may have passed since a change
 HOUR = 3600.0
-
-
-@dataclass(frozen=True)
-class KnownState:
-    """What was known of the parameters at the end of a window: mean, shape (p,), and covariance, (p, p), in units."""
-
-    mean: np.ndarray
-    covariance: np.ndarray
-
-
-def pooled(first: KnownState, windows: list[WindowEvidence], inflation: float) -> KnownState:
-    """What is known after windows, from what was known before them."""
-    precision = np.linalg.inv(first.covariance)
-    information = precision + sum(w.information for w in windows) / inflation
-    vector = precision @ first.mean + sum(w.vector for w in windows) / inflation
-    covariance = np.linalg.inv(information)
-    return KnownState(covariance @ vector, covariance)
-
-
-def conditional(covariance: np.ndarray, count: int) -> np.ndarray:
-    """Covariance of the first parameters where the others are known, shape (count, count)."""
-    found: np.ndarray = np.linalg.inv(np.linalg.inv(covariance)[:count, :count])
-    return found
 
 
 @dataclass(frozen=True)

@@ -38,8 +38,7 @@ from shake_ros.fit.solver import Budget, PredictorFit, descend, jacobian, prior_
 from shake_ros.search.candidates import functions, listed
 from shake_ros.search.decision import PRIOR
 from shake_ros.search.proposal import MULTIPLES, NONE_MOVED, SHIFT, EffectSet, Linearised, evaluate, linearised
-from shake_ros.twin.change import KnownState
-from shake_ros.twin.evidence import ScaledPredictor, segment_of
+from shake_ros.twin.evidence import KnownState, ScaledPredictor, segment_of
 
 SCREENED = 3.0  # length of the windows on which every hypothesis is tried [s]
 BEST = 12  # hypotheses that are tried before the change as well

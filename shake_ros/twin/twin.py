@@ -23,32 +23,28 @@ from shake_ros.fit.records import Record
 from shake_ros.fit.segment import SETTLE, Segment
 from shake_ros.physics.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.quantities import ShakeError
-from shake_ros.signals.stretches import stretches
-from shake_ros.twin.change import (
-    HOUR,
-    Alarm,
+from shake_ros.twin.change import HOUR, Alarm, NormalSquare, alarm, mean_log, threshold, windows_since
+from shake_ros.twin.evidence import (
+    FEW,
     KnownState,
-    NormalSquare,
-    alarm,
+    WindowEvidence,
     conditional,
-    mean_log,
+    evidence,
+    fitted_to,
+    held,
+    moves,
     pooled,
-    threshold,
-    windows_since,
+    scatter,
+    trouble,
 )
-from shake_ros.twin.evidence import WindowEvidence, evidence
 from shake_ros.twin.followed import Followed, TwinSettings, followed
 from shake_ros.twin.naming import ESTABLISHED, Named, Naming, free_run_errors, free_run_shares
-from shake_ros.twin.reference import FEW, fitted_to, held, scatter
 
 LEARNING, WATCHING, NAMING, PAUSED = "learning", "watching", "naming", "paused"
-MOVING = 20.0  # position noise and …
-FELT = 4.0  # … acceleration noise, of which motion has so many times as much
 FOREIGN = 0.6  # relative error of the acceleration in free runs, from which a table's file is that of another table
 FAR = 10.0  # times the size of a change that matters, within which a changed parameter lies
 STEP = 0.05  # of the size of a change that matters, by which a free run is differentiated
 LEAST_FELT = 1e-3  # share of the acceleration that one unit of a parameter moves at least [-]
-FROZEN = 0.2  # for which a sensor stands still to the last digit while the table moves [s]
 KEPT = 160  # windows
 MOST_NAMED = 5  # windows from which a change is named
 EXPLAINED = 3.0  # standard normal variable of the innovations' mean square, up to which a change is explained
@@ -248,7 +244,7 @@ class Twin:
             return
         if self._alarm:
             change = self._name(*self._alarm)
-            yield self._reported(self._last, self._last, self._state, "", math.nan, NO_MOTION, change)
+            yield self._reported(self._last, self._last, change=change)
         self._known, self._history = self._wandered(self._known, seconds), []
 
     def _complete(self) -> Iterator[TwinWindow]:
@@ -269,8 +265,7 @@ class Twin:
     def _without(self, start: int, stop: int, why: str) -> TwinWindow:
         """A window that shows nothing: values stay, intervals grow."""
         self._grow(stop - start)
-        state = PAUSED if why else self._state
-        return self._reported(start, stop, state, why, math.nan, NO_MOTION)
+        return self._reported(start, stop, why)
 
     @property
     def _state(self) -> str:
@@ -287,24 +282,17 @@ class Twin:
         return KnownState(known.mean, known.covariance + np.diag(gained))
 
     def _reported(
-        self,
-        start: int,
-        stop: int,
-        state: str,
-        note: str,
-        square: float,
-        motion: np.ndarray,
-        change: Change | None = None,
+        self, start: int, stop: int, note: str = "", seen: WindowEvidence | None = None, change: Change | None = None
     ) -> TwinWindow:
         p, covariance = self._count, self._known.covariance
         scale, values = self._model.scale[:p], self._known.mean[:p] * self._model.scale[:p]
         apart = self._normal.apart[:p] if self._normal else 0.0
         deviations = np.sqrt(np.diag(covariance)[:p] + apart) * scale
         moved = np.sqrt(np.diag(conditional(covariance, p)) + apart) * scale
-        at = (start - self._origin) * 1e-9
+        at, state = (start - self._origin) * 1e-9, PAUSED if note else self._state
+        square, motion = (seen.square, seen.motion) if seen else (math.nan, NO_MOTION)
         return TwinWindow(
-            *(self._recording, at, start, stop, state, note, values, deviations, moved),
-            *(square, motion, change),
+            self._recording, at, start, stop, state, note, values, deviations, moved, square, motion, change
         )
 
     def _with(self, record: Record, start: int, stop: int) -> TwinWindow:
@@ -314,7 +302,7 @@ class Twin:
             self._waiting.append((record, stop))
             if len(self._waiting) * self.settings.test.window >= self.settings.test.reference:
                 self._learn()
-            return self._reported(start, stop, self._state, "", math.nan, NO_MOTION)
+            return self._reported(start, stop)
         seen = self._evidence(record, self._normal.levels, self._normal.loudness)
         self._history = [*self._history[-KEPT:], (self._known, seen, start, (start - self._origin) * 1e-9)]
         change = self._tested(stop)
@@ -322,7 +310,7 @@ class Twin:
             self._known = self._history[-self._alarm[0].windows][0]
         elif change is None:
             self._known = self._after(self._known, [seen])
-        return self._reported(start, stop, self._state, "", seen.square, seen.motion, change)
+        return self._reported(start, stop, seen=seen, change=change)
 
     def _evidence(self, record: Record, levels: Levels, loudness: float) -> WindowEvidence:
         """The evidence of a window, in which each followed parameter may move by what matters."""
@@ -457,27 +445,3 @@ class Twin:
         shifted = replace(normal.square, mean=normal.square.mean + grown)
         self._normal = replace(normal, square=shifted, inflation=normal.inflation * math.exp(grown))
         self._history, self._alarm = [], None
-
-
-def moves(record: Record) -> bool:
-    """Whether a window has motion from which something can be estimated."""
-    assert record.acceleration is not None
-    far = float(np.std(record.position)) > MOVING * record.position_noise()
-    return far and float(np.std(record.acceleration)) > FELT * record.acceleration_noise()
-
-
-def trouble(record: Record) -> str:
-    """Why a window cannot be used: a sensor or the command stands still while the table moves; else empty."""
-    assert record.acceleration is not None
-    least, dt = round(FROZEN / record.sample_time), record.sample_time
-    felt, moved = record.acceleration, record.position
-    noise = max(record.acceleration_noise(), 1e-9), max(record.position_noise(), 1e-12)
-    for span in stretches(np.diff(moved) == 0.0):
-        if span.stop - span.start >= least and np.std(felt[span]) > FELT * noise[0]:
-            return f"the position stands still for {(span.stop - span.start) * dt:.2f} s while the accelerometer moves"
-    for span in stretches(np.diff(felt) == 0.0):
-        if span.stop - span.start >= least and np.std(moved[span]) > MOVING * noise[1]:
-            return f"the acceleration stands still for {(span.stop - span.start) * dt:.2f} s while the table moves"
-    if np.ptp(record.commands) == 0.0 and moves(record):
-        return "the valve command stands still while the table moves: is it under manual control?"
-    return ""

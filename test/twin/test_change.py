@@ -11,8 +11,8 @@ import pytest
 from named_changes import LEAKAGE, change
 
 from shake_ros.fit.records import Record
-from shake_ros.twin.change import KnownState, NormalSquare, alarm, threshold, windows_since
-from shake_ros.twin.evidence import WindowEvidence
+from shake_ros.twin.change import NormalSquare, alarm, threshold, windows_since
+from shake_ros.twin.evidence import KnownState, WindowEvidence
 
 P, WALK, EXACT = 3, np.full(3, 1e-6), np.zeros(3)
 NORMAL = NormalSquare(0.0, 0.1, 9)

@@ -16,11 +16,20 @@ from shake_ros.fit.segment import Segment
 from shake_ros.fit.solver import prior_residuals
 from shake_ros.physics.plant.parameters import FULL_LAYOUT
 from shake_ros.settings import load_table
-from shake_ros.twin.change import KnownState
-from shake_ros.twin.evidence import FORCES, MASS, MOVED_MASS, QUIET, ScaledPredictor, scale_free, segment_of
+from shake_ros.twin.evidence import (
+    FORCES,
+    HELD,
+    MASS,
+    MOVED_MASS,
+    QUIET,
+    KnownState,
+    ScaledPredictor,
+    noise_levels,
+    scale_free,
+    segment_of,
+)
 from shake_ros.twin.followed import followed, load_twin
 from shake_ros.twin.naming import KnownModel
-from shake_ros.twin.reference import HELD, noise_levels
 
 TRUTH = hidden.declared_truth(71)
 TABLE = load_table("bergamo").with_values({name: getattr(TRUTH, field) for name, field in hidden.DECLARED.items()})
