@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar
@@ -125,6 +125,21 @@ def find(kind: str, name: str) -> Path:
     return known[name]
 
 
+def load_parameters(kind: str, name: str, cls: type[P]) -> P:
+    """The parameters of config/<kind>/<name>.yaml, or of a YAML file given by path."""
+    path = find(kind, name)
+    return cls.from_mapping(read_yaml(path), str(path))
+
+
+def load_content(
+    kind: str, name: str, known: Sequence[str], required: Sequence[str] | None = None
+) -> tuple[dict[str, Any], str]:
+    """The content of such a file with the required keys (all known ones) and no other, and its path for errors."""
+    path = find(kind, name)
+    needed = known if required is None else required
+    return dict(strict_keys(read_yaml(path), known, str(path), needed, kind="key")), str(path)
+
+
 def load_variant(kind: str, name: str, family: Mapping[str, type[P]]) -> tuple[str, P]:
     """Read config/<kind>/<name>.yaml, whose key `kind` picks the class in a family's table.
 
@@ -171,8 +186,7 @@ def table_of(content: Any, where: str, layout: TableLayout = FULL_LAYOUT) -> Tab
 
 def load_interlock(name: str) -> InterlockParameters:
     """The interlock of config/interlock/<name>.yaml, or of a YAML file given by path."""
-    path = find("interlock", name)
-    return InterlockParameters.from_mapping(read_yaml(path), str(path))
+    return load_parameters("interlock", name, InterlockParameters)
 
 
 def load_search(changes: str | None = None) -> SearchSettings:

@@ -55,13 +55,7 @@ from shake_ros.report.report_json import (
     unknown_json,
 )
 from shake_ros.report.result_table import ResultTable
-from shake_ros.report.sections import (
-    benefit_section,
-    identified_section,
-    known_section,
-    remains_section,
-    sources_of,
-)
+from shake_ros.report.sections import benefit_section, identified_section, known_section, remains_section, sources_of
 from shake_ros.report.text import error_table, sentence
 from shake_ros.result_folder import new_folder, write_json
 from shake_ros.search.declared_fit import FittedModel

@@ -10,7 +10,7 @@ recording itself, as for validation data. They do not influence the answer.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -53,9 +53,6 @@ class Effects(Sequence[FoundEffect]):
     def __getitem__(self, key: Any) -> Any:
         return self._effects[key]
 
-    def __iter__(self) -> Iterator[FoundEffect]:
-        return iter(self._effects)
-
     @property
     def names(self) -> tuple[str, ...]:
         """The effects' names."""
@@ -93,9 +90,6 @@ class LatentForces(Sequence[LatentForce]):
         if isinstance(key, str):
             return {force.recording: force for force in self._forces}[key]
         return self._forces[key]
-
-    def __iter__(self) -> Iterator[LatentForce]:
-        return iter(self._forces)
 
     @property
     def zero(self) -> bool:

@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 
 from shake_ros.control.closed_loop import Loop
 from shake_ros.control.laws import CONTROLLERS
+from shake_ros.control.laws.law import LawParameters
 from shake_ros.control.laws.runner import Controller
 from shake_ros.control.metrics import Judged, spectrum_of
 from shake_ros.control.observer import OBSERVERS
+from shake_ros.control.observer.law import ObserverParameters
 from shake_ros.control.observer.runner import Observer
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.quantities import Parameters, ShakeError, quantity, strict_keys, unknown_name
@@ -74,6 +76,26 @@ def perturbed(table: TableParameters, spread: Spread, count: int, seed: int) -> 
         values[DEAD_TIME] = spread.delay_low + (spread.delay_high - spread.delay_low) * float(row[-1])
         result.append(table.with_values(values))
     return result
+
+
+def _carried(parameters: Parameters, model: TableParameters | None) -> TableParameters | None:
+    """The table that a configuration names, or the one in its place."""
+    named = str(getattr(parameters, "model", ""))
+    return model if model is not None or not named else load_table(named)
+
+
+def load_controller(name: str, sample_time: float, model: TableParameters | None = None) -> Controller:
+    """The controller of a configuration, with a model in place of the one that it names where one is given."""
+    parameters: LawParameters
+    kind, parameters = load_variant("controller", name, CONTROLLERS)
+    return Controller(kind, parameters, sample_time, _carried(parameters, model))
+
+
+def load_observer(name: str, sample_time: float, model: TableParameters | None = None) -> Observer:
+    """The observer of a configuration, with a model in place of the one that it names where one is given."""
+    parameters: ObserverParameters
+    kind, parameters = load_variant("observer", name, OBSERVERS)
+    return Observer(kind, parameters, sample_time, _carried(parameters, model))
 
 
 Array = NDArray[np.float64]
@@ -134,10 +156,6 @@ class Setup:
         drawn = int(given["seed"]) if seed is None else seed
         return [(load, perturbed(self.table(load), spread, i + 1, drawn)[i]) for i, load in enumerate(loads)]
 
-    def observer(self, name: str, model: TableParameters) -> Observer:
-        """An observer of config/observer; one that carries a table carries `model`."""
-        return Observer(*load_variant("observer", name, OBSERVERS), self.sample_time, model)
-
     def course(self, reference: Reference, name: str) -> Course:
         """A reference ready to be run."""
         dt, shaping = self.sample_time, reference.shaping
@@ -168,7 +186,7 @@ class Setup:
         law = Controller(*load_variant("controller", entry.controller, CONTROLLERS), self.sample_time, carried)
         return Loop(
             table,
-            self.observer(entry.observer, model),
+            load_observer(entry.observer, self.sample_time, model),
             law,
             course.states,
             self._feedforward(law, course, float(model.value(MASS))),

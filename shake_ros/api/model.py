@@ -9,14 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from shake_ros.api.read import Recordings
-from shake_ros.declared import (
-    MODELS,
-    declared_table,
-    effect_candidates,
-    free_parameters,
-    leaves_open,
-    unknown_model,
-)
+from shake_ros.declared import MODELS, declared_table, effect_candidates, free_parameters, leaves_open, unknown_model
 from shake_ros.fit.axis_model import AXIS, with_slow_changes
 from shake_ros.fit.nuisances.prepared import Prepared, prepared
 from shake_ros.fit.records import DeclaredModel, Record

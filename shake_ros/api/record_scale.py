@@ -26,7 +26,7 @@ from shake_ros.report.chart import CURVES, Chart, ChartSeries, Panel, static_fig
 from shake_ros.report.page import Page
 from shake_ros.report.result_table import ResultTable
 from shake_ros.result_folder import writing
-from shake_ros.settings import find, load_table, read_yaml
+from shake_ros.settings import load_parameters, load_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -319,8 +319,7 @@ def record_scale(
     >>> found.band, found.fitted.limited_by
     ('0.25 … 12 Hz', 'position_limit')
     """
-    where = find("record_scale", "default")
-    settings = ScaleParameters.from_mapping(read_yaml(where), str(where))
+    settings = load_parameters("record_scale", "default", ScaleParameters)
     base, shaping = treatment()
     bounds = envelope(load_table(table))
     changes: dict[str, float | int | str] = {

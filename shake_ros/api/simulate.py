@@ -10,28 +10,25 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from shake_ros.api.loops import load_controller, load_observer
 from shake_ros.api.model import Model
 from shake_ros.api.read import Recordings
 from shake_ros.api.response_spectrum import ResponseSpectrum, response_spectrum
 from shake_ros.api.signals import Distortion, thd
 from shake_ros.control.closed_loop import Loop, normalised_error
 from shake_ros.control.closed_loop import simulate as run_loop
-from shake_ros.control.laws import CONTROLLERS
-from shake_ros.control.laws.law import LawParameters
 from shake_ros.control.laws.runner import Controller, refuse_another_instant
-from shake_ros.control.observer import OBSERVERS
-from shake_ros.control.observer.law import ObserverParameters
 from shake_ros.control.observer.runner import Observer
 from shake_ros.physics.plant import axis, reduced_simulation, simulation
 from shake_ros.physics.plant.axis import AXIS_LAYOUT
 from shake_ros.physics.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.physics.plant.reduced import REDUCED_LAYOUT
-from shake_ros.quantities import Parameters, ShakeError
+from shake_ros.quantities import ShakeError
 from shake_ros.recordings.bags import TableRecording, write_table_recording
 from shake_ros.recordings.bags.table import ARRAYS, Provenance
 from shake_ros.recordings.reference_file import build_program
 from shake_ros.report.result_table import ResultTable, percent
-from shake_ros.settings import find, load_table, load_variant, read_yaml, table_of
+from shake_ros.settings import find, read_yaml, table_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -189,9 +186,9 @@ def simulate(
         raise ShakeError(
             f"a closed loop needs a table with a valve and hydraulics, not one of the model {plant.layout.name}"
         )
-    law = controller if isinstance(controller, Controller) else controller_of(str(controller), sample_time, model)
+    law = controller if isinstance(controller, Controller) else load_controller(str(controller), sample_time, model)
     if observer is not None and not isinstance(observer, Observer):
-        observer = observer_of(str(observer), sample_time, model)
+        observer = load_observer(str(observer), sample_time, model)
     if observer is not None:
         refuse_another_instant(observer.lead, law)
     run, finite = run_loop(Loop(plant, observer, law, given, seed=seed, delay=delay, start=start))
@@ -214,26 +211,6 @@ def _table(given: str | Path | TableParameters | Model) -> TableParameters:
     known = content if isinstance(content, Mapping) else {}
     layout = next((layout for section, layout in LAYOUTS.items() if section in known), FULL_LAYOUT)
     return table_of(content, str(path), layout)
-
-
-def _carried(parameters: Parameters, model: TableParameters | None) -> TableParameters | None:
-    """The table that a configuration names, or the one in its place."""
-    named = str(getattr(parameters, "model", ""))
-    return model if model is not None or not named else load_table(named)
-
-
-def controller_of(name: str, sample_time: float, model: TableParameters | None) -> Controller:
-    """The controller of a configuration, with a model in place of the one that it names where one is given."""
-    parameters: LawParameters
-    kind, parameters = load_variant("controller", name, CONTROLLERS)
-    return Controller(kind, parameters, sample_time, _carried(parameters, model))
-
-
-def observer_of(name: str, sample_time: float, model: TableParameters | None) -> Observer:
-    """The observer of a configuration, with a model in place of the one that it names where one is given."""
-    parameters: ObserverParameters
-    kind, parameters = load_variant("observer", name, OBSERVERS)
-    return Observer(kind, parameters, sample_time, _carried(parameters, model))
 
 
 def _free_run(plant: TableParameters, commands: Array, dt: float, start: float) -> TableRecording:

@@ -16,11 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shake_ros.api.loops import load_controller, load_observer
 from shake_ros.api.progress import Progress, ProgressOption
-from shake_ros.control.laws import CONTROLLERS
 from shake_ros.control.laws.runner import Controller
 from shake_ros.control.linear_loop import LAWS, Margins
-from shake_ros.control.observer import OBSERVERS
 from shake_ros.control.observer.model import ModelObserver
 from shake_ros.control.observer.runner import Observer
 from shake_ros.control.robust import Load, RobustSettings, Search, Uncertainty, neighbours, uncertainty_of
@@ -33,7 +32,7 @@ from shake_ros.report.page import Page
 from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.report.text import sentence
 from shake_ros.result_folder import refuse_existing, write_json, writing
-from shake_ros.settings import find, load_table, load_variant, read_yaml, save_table
+from shake_ros.settings import find, load_content, load_parameters, load_table, save_table
 
 
 def text_of(kind: str, parameters: Parameters, comment: Sequence[str]) -> str:
@@ -265,8 +264,7 @@ def tune_table(
 
 def load_robust(name: str) -> tuple[dict[str, Any], RobustSettings]:
     """The content of config/robust_tuning/<name>.yaml, or of a YAML file given by path, and its numbers."""
-    path = find("robust_tuning", name)
-    content = dict(strict_keys(read_yaml(path), KEYS, str(path), KEYS, kind="key"))
+    content, path = load_content("robust_tuning", name, KEYS)
     content["loads"] = [load_of(given, f"{path}: loads") for given in content["loads"]]
     return content, RobustSettings.from_mapping(content["numbers"], f"{path}: numbers")
 
@@ -363,13 +361,11 @@ def tracking(
     table, declared = result.final.table, result.baseline.table
     if result.model.layout is not FULL_LAYOUT or not (result.search.steps or tuned):
         return None
-    path = find("identification", "tracking")
-    settings = TrackingSettings.from_mapping(read_yaml(path), str(path))
+    settings = load_parameters("identification", "tracking", TrackingSettings)
 
     def loops(model: TableParameters) -> tuple[Observer, Controller]:
-        observer = Observer(*load_variant("observer", settings.observer, OBSERVERS), settings.sample_time, model)
-        law = Controller(*load_variant("controller", settings.controller, CONTROLLERS), settings.sample_time, model)
-        return observer, law
+        observer = load_observer(settings.observer, settings.sample_time, model)
+        return observer, load_controller(settings.controller, settings.sample_time, model)
 
     program = build_program(settings.reference, settings.sample_time)
     content, s = load_robust("default")

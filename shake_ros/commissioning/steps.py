@@ -13,17 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.api.live_table import InterlockHeldError, LiveTable
-from shake_ros.api.simulate import Simulation, controller_of, observer_of, simulate
+from shake_ros.api.loops import load_controller, load_observer
+from shake_ros.api.simulate import Simulation, simulate
 from shake_ros.api.tune_table import TunedTable
 from shake_ros.control.closed_loop import normalised_error
 from shake_ros.control.linear_loop import LAWS
 from shake_ros.physics.plant.parameters import TableParameters
-from shake_ros.quantities import Parameters, ShakeError, quantity, strict_keys, unknown_name
+from shake_ros.quantities import Parameters, ShakeError, quantity, unknown_name
 from shake_ros.recordings.bags import TableRecording, read_table_recording
 from shake_ros.recordings.reference_file import played
 from shake_ros.safety.causes import PROGRAM_HOLD, InterlockParameters
 from shake_ros.safety.rehearsal import WatchedRun, first_trip
-from shake_ros.settings import find, read_yaml
+from shake_ros.settings import find, load_content, read_yaml
 
 KEYS = ("reference", "seconds", "levels", "search_from", "controller", "observer", "interlock", "laws", "numbers")
 Array = NDArray[np.float64]
@@ -69,8 +70,7 @@ def load_commission(name: str) -> CommissionSettings:
     ------
     ShakeError : unknown or missing keys, levels that do not grow to at most 1, an unknown law.
     """
-    path = find("commission", name)
-    content = dict(strict_keys(read_yaml(path), (*KEYS, "tuning"), str(path), KEYS, kind="key"))
+    content, path = load_content("commission", name, (*KEYS, "tuning"), KEYS)
     try:
         levels, seconds = tuple(float(level) for level in content["levels"]), float(content["seconds"])
         search_from = float(content["search_from"])
@@ -80,7 +80,7 @@ def load_commission(name: str) -> CommissionSettings:
         raise ShakeError(f"{path}: levels {list(levels)} must grow from above 0 to at most 1, seconds be above 1")
     for law in content["laws"]:
         if law not in LAWS:
-            raise unknown_name("law", law, LAWS, str(path))
+            raise unknown_name("law", law, LAWS, path)
     numbers = CommissionNumbers.from_mapping(content["numbers"], f"{path}: numbers")
     own = {"levels": levels, "seconds": seconds, "search_from": search_from, "numbers": numbers}
     return CommissionSettings(**{**content, **own, "laws": tuple(content["laws"])})
@@ -111,33 +111,19 @@ UNITS = {"position_hard": "m", "velocity": "m/s", "acceleration": "m/s²", "trac
 
 @dataclass(frozen=True)
 class Step:
-    """A run that was released, and what was concluded from it.
+    """A run that was released, and what was concluded from it."""
 
-    Attributes
-    ----------
-    level : part of the reference.
-    loop : of the law.
-    limits : of the interlock, by the names of `HELD`.
-    run : whole, or up to where the interlock held.
-    error : of position, velocity, acceleration [-], of a whole run.
-    held : the interlock's reason for a hold, empty where there was none.
-    explained : error of the fitted model's acceleration on the newest run [-].
-    tuned : observer and gains for the model that was fitted.
-    added : effects that close_loop found.
-    purpose : of a run that is not the first one of its level.
-    """
-
-    level: float
-    loop: str
-    limits: Mapping[str, float]
+    level: float  # part of the reference
+    loop: str  # of the law
+    limits: Mapping[str, float]  # of the interlock, by the names of `HELD`
     interlock: Mapping[str, Any]
-    run: TableRecording
-    error: tuple[float, float, float] | None
-    held: str = ""
-    explained: float | None = None
-    tuned: TunedTable | None = None
-    added: tuple[str, ...] = ()
-    purpose: str = ""
+    run: TableRecording  # whole, or up to where the interlock held
+    error: tuple[float, float, float] | None  # of position, velocity, acceleration [-], of a whole run
+    held: str = ""  # the interlock's reason for a hold, empty where there was none
+    explained: float | None = None  # error of the fitted model's acceleration on the newest run [-]
+    tuned: TunedTable | None = None  # observer and gains for the model that was fitted
+    added: tuple[str, ...] = ()  # effects that close_loop found
+    purpose: str = ""  # of a run that is not the first one of its level
 
     @property
     def findings(self) -> list[str]:
@@ -254,7 +240,7 @@ class SimulatedStage:
         """One run; what the interlock would have said to it."""
         s, dt = self.settings, self.settings.numbers.sample_time
         observer, controller = (
-            (observer_of(s.observer, dt, None), controller_of(s.controller, dt, None)) if tuned is None
+            (load_observer(s.observer, dt), load_controller(s.controller, dt)) if tuned is None
             else tuned.loop(dt)
         )  # fmt: skip
         made = simulate(self.plant, motion, dt, controller=controller, observer=observer, delay=self.delay, seed=number)

@@ -6,9 +6,8 @@ validation data.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +16,7 @@ from scipy.signal import sawtooth
 
 from shake_ros.control.reference.motion import Envelope, peaks, smooth_step
 from shake_ros.quantities import ShakeError, strict_keys, unknown_name
-from shake_ros.settings import find, read_yaml
+from shake_ros.settings import load_content
 
 Array = NDArray[np.float64]
 FADE = 0.5  # at either end of a half [s]
@@ -28,23 +27,15 @@ KEYS = ("kind", "low", "high")
 
 @dataclass(frozen=True)
 class Excitation:
-    """A motion that could be played.
+    """A motion that could be played."""
 
-    Attributes
-    ----------
-    name : of config/experiment/motions.yaml.
-    kind : of SHAPES.
-    low, high : frequencies [Hz]; `high` of those that have a band.
-    part : of the largest motion within the limits [-].
-    seconds : length [s].
-    """
-
-    name: str
-    kind: str
+    name: str  # of config/experiment/motions.yaml
+    kind: str  # of SHAPES
+    # low, high: frequencies [Hz]; `high` of those that have a band
     low: float
     high: float
-    part: float
-    seconds: float
+    part: float  # of the largest motion within the limits [-]
+    seconds: float  # length [s]
 
     def samples(self, limits: Envelope, sample_time: float) -> Array:
         """Position [m], velocity [m/s] and acceleration [m/s²], shape (n, 3)."""
@@ -145,8 +136,7 @@ BANDS = ("sweep", "multisine", "random")
 
 def library(name: str = "motions") -> list[Excitation]:
     """The motions of config/experiment/<name>.yaml or of a file, each in every part."""
-    path = find("experiment", name)
-    content: Mapping[str, Any] = strict_keys(read_yaml(path), ("parts", "seconds", "motions"), str(path), kind="key")
+    content, path = load_content("experiment", name, ("parts", "seconds", "motions"), ())
     try:
         parts, seconds = [float(p) for p in content["parts"]], float(content["seconds"])
         made = [

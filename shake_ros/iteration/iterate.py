@@ -15,15 +15,7 @@ from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.control.metrics import FREQUENCIES, HIGHEST, LOWEST
 from shake_ros.declared import effect_candidates, free_parameters, model_structure, search_settings
 from shake_ros.fit.records import Record
-from shake_ros.iteration.drive import (
-    Iteration,
-    Run,
-    drive_from_best,
-    error_in_band,
-    iterate_model,
-    refit,
-    verdict,
-)
+from shake_ros.iteration.drive import Iteration, Run, drive_from_best, error_in_band, iterate_model, refit, verdict
 from shake_ros.iteration.drive import iterate as corrected
 from shake_ros.iteration.table import SimulatedRuns, SimulatedTable
 from shake_ros.physics.plant.parameters import TableParameters
@@ -36,7 +28,7 @@ from shake_ros.report.page import Page, Result
 from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.search.search_settings import SearchSettings
 from shake_ros.search.unlisted_functions import UNLISTED
-from shake_ros.settings import find, load_table, read_yaml, save_table
+from shake_ros.settings import load_parameters, load_table, save_table
 
 Array = NDArray[np.float64]
 
@@ -316,8 +308,7 @@ def load_iteration(settings: str | Iteration) -> Iteration:
     """Settings of config/iteration by name or file, or as given."""
     if isinstance(settings, Iteration):
         return settings
-    path = find("iteration", settings)
-    return Iteration.from_mapping(read_yaml(path), str(path))
+    return load_parameters("iteration", settings, Iteration)
 
 
 def learning(effects: Sequence[str] | None) -> Learn | None:

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.api.live_table import OWN, OwnLoop, own_loop
+from shake_ros.api.loops import load_controller, load_observer
 from shake_ros.api.progress import Progress, ProgressOption
-from shake_ros.api.simulate import controller_of, observer_of
 from shake_ros.control.closed_loop import ClosedLoop, Loop, simulate
 from shake_ros.control.laws.runner import Controller
 from shake_ros.control.metrics import spectrum_of
@@ -110,7 +110,7 @@ class SimulatedTable:
             raise ShakeError(f"controller {self.controller} and observer {self.observer}: 'own' goes for both or none")
         if self.observer == OWN:
             return self.own.of(model, dt, self.delay * dt)
-        return observer_of(self.observer, dt, model), controller_of(self.controller, dt, model)
+        return load_observer(self.observer, dt, model), load_controller(self.controller, dt, model)
 
 
 class SimulatedRuns:

@@ -17,8 +17,8 @@ from shake_ros.qualification.assessment import Rules
 from shake_ros.qualification.motion import MotionParameters, check_sampling
 from shake_ros.qualification.required import RequiredSpectrum, load_required
 from shake_ros.qualification.resonance import SearchBand, SearchParameters
-from shake_ros.quantities import Parameters, ShakeError, choice, quantity, strict_keys
-from shake_ros.settings import find, load_table, read_yaml
+from shake_ros.quantities import Parameters, ShakeError, choice, quantity
+from shake_ros.settings import load_content, load_parameters, load_table
 
 Array = NDArray[np.float64]
 
@@ -65,9 +65,7 @@ class QualificationSettings:
 
 def load_settings(name: str) -> QualificationSettings:
     """config/qualification/<name>.yaml, or a YAML file."""
-    path = find("qualification", name)
-    keys = ("motion", "running", "loop", "search")
-    content = strict_keys(read_yaml(path), keys, str(path), keys, kind="key")
+    content, path = load_content("qualification", name, ("motion", "running", "loop", "search"))
     return QualificationSettings(
         dict(content["motion"]),
         RunParameters.from_mapping(content["running"], f"{path}: running"),
@@ -78,8 +76,7 @@ def load_settings(name: str) -> QualificationSettings:
 
 def load_rules(name: str) -> Rules:
     """config/qualification_rules/<name>.yaml, or a YAML file."""
-    path = find("qualification_rules", name)
-    return Rules.from_mapping(read_yaml(path), str(path))
+    return load_parameters("qualification_rules", name, Rules)
 
 
 @dataclass(frozen=True)

@@ -23,10 +23,10 @@ from shake_ros.qualification.asked import Asked, asked_of
 from shake_ros.qualification.qualify import Laboratory, SimulatedLaboratory, conduct, made_motion
 from shake_ros.qualification.resonance import ResonanceSearch, Shift
 from shake_ros.qualification.result import Qualification, certified, moved
-from shake_ros.quantities import Parameters, ShakeError, choice, quantity, strict_keys
+from shake_ros.quantities import Parameters, ShakeError, choice, quantity
 from shake_ros.recordings.bags import read_table_recording
 from shake_ros.result_folder import write_json, writing
-from shake_ros.settings import find, read_yaml
+from shake_ros.settings import find, load_content, read_yaml
 
 PLANS = "qualification_sequences"
 KEYS = ("name", "source", "levels", "interlock")
@@ -72,8 +72,7 @@ class Plan:
 
 def load_plan(name: str) -> Plan:
     """config/qualification_sequences/<name>.yaml, or a YAML file; ShakeError for wrong content."""
-    path = find(PLANS, name)
-    content = strict_keys(read_yaml(path), KEYS, str(path), KEYS, kind="key")
+    content, path = load_content(PLANS, name, KEYS)
     if not isinstance(content["levels"], list) or not content["levels"]:
         raise ShakeError(f"{path}: levels: a list of {{name, share, tests}} is needed")
     levels = tuple(Level.from_mapping(row, f"{path}: level {k}") for k, row in enumerate(content["levels"], start=1))

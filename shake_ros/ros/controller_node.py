@@ -28,7 +28,7 @@ from shake_ros.ros.diagnostics import ERROR, OK, WARN
 from shake_ros.ros.frame import Behaviour, Frame, Reader
 from shake_ros.ros.graph_client import TABLES, reports_in
 from shake_ros.ros.parameters import LiveLaw, Sets, variants
-from shake_ros.settings import find, load_table, read_yaml
+from shake_ros.settings import load_parameters, load_table
 
 
 class AddedHarmonics:
@@ -42,8 +42,7 @@ class AddedHarmonics:
     def __init__(self, frame: Frame, on_sample: Callable[[int], None]) -> None:
         self._frame = frame
         self._on_sample = on_sample
-        path = find("harmonic_cancellation", "default")
-        configured = HarmonicCancellation.from_mapping(read_yaml(path), str(path))
+        configured = load_parameters("harmonic_cancellation", "default", HarmonicCancellation)
         self._live = frame.parameters.declare(configured, "harmonics.")
         self._on = self._reads = False
         self._state: Any = None
@@ -107,8 +106,7 @@ class FollowedLoad:
         self._stamps = {"position": -1, "acceleration": -1}
         self._silent = False
         if self._on:
-            path = find("load", name)
-            self._settings = LoadTracking.from_mapping(read_yaml(path), str(path))
+            self._settings = load_parameters("load", name, LoadTracking)
             Reader(frame, interface.JOINT_STATES, self._on_position)
             Reader(frame, interface.IMU, self._on_acceleration)
             for key, place in (("load_rigid_kg", RIGID), ("load_swaying_kg", SWAYING), ("load_frequency_hz", PITCH)):

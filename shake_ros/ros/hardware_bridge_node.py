@@ -18,7 +18,7 @@ from shake_ros.ros.diagnostics import NO_ANSWER, OK, WARN
 from shake_ros.ros.frame import Behaviour, Frame, Reader
 from shake_ros.ros.interlock import NodeInterlock, SensorWriters
 from shake_ros.safety.causes import OFF, RUN
-from shake_ros.settings import find, read_yaml
+from shake_ros.settings import load_parameters
 
 WAIT = 0.002  # longest look for a datagram [s]
 RESET_TIME = 200_000_000  # the reset is sent for so long, and the target's answer awaited [ns]
@@ -44,8 +44,7 @@ class HardwareBridge(Behaviour):
         if frame.simulated:
             raise ShakeError("use_sim_time = true: a real table has the time of its own target computer")
         own = frame.settings(HardwareBridgeParameters).value
-        path = find("bridge", own.bridge)
-        self._link = TableLink(BridgeParameters.from_mapping(read_yaml(path), str(path)))
+        self._link = TableLink(load_parameters("bridge", own.bridge, BridgeParameters))
         self._late = round(LATE * self._link.parameters.period * 1e9)
         self.interlock = NodeInterlock(frame, own.enabled, self._before_reset)
         self._heard = self._answered = self._reset_until = self._published = 0

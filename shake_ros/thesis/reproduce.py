@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from shake_ros.api.loops import strict
 from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.declared import free_parameters
 from shake_ros.fit.free_parameters import FreeParameters
@@ -22,7 +21,7 @@ from shake_ros.report.chart import Array, Chart, ChartSeries, Panel
 from shake_ros.report.page import Page, write_page
 from shake_ros.report.result_table import ResultTable, aligned
 from shake_ros.result_folder import new_folder, write_json
-from shake_ros.settings import find, read_yaml
+from shake_ros.settings import find, load_content, read_yaml
 
 
 class Claim(NamedTuple):
@@ -77,8 +76,7 @@ def difference(printed: float, found: float) -> str:
 
 def asked_in(name: str, keys: Sequence[str]) -> dict[str, Any]:
     """Content of config/reproduce/NAME.yaml, or of another file; missing and unknown keys are errors."""
-    path = find("reproduce", name)
-    return strict(read_yaml(path), keys, str(path))
+    return load_content("reproduce", name, keys)[0]
 
 
 def free_of(table: TableParameters, names: Sequence[str]) -> FreeParameters:

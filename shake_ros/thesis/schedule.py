@@ -19,12 +19,12 @@ from shake_ros.fit.least_squares import Fit, best_start, fit
 from shake_ros.fit.recording_problem import RecordingProblem
 from shake_ros.fit.records import FULL, Record, relative_error
 from shake_ros.physics.plant.parameters import TableParameters
-from shake_ros.quantities import ShakeError, strict_keys
+from shake_ros.quantities import ShakeError
 from shake_ros.report.chart import Chart, ChartSeries, Panel, static_figure
 from shake_ros.report.page import Page, Result
 from shake_ros.report.result_table import ResultTable, percent
 from shake_ros.report.sections import sources_of
-from shake_ros.settings import find, load_table, read_yaml
+from shake_ros.settings import load_content, load_table
 from shake_ros.signals.velocity_filter import filtered_velocity
 from shake_ros.thesis.network import WINDOW, SeedResult, Training, pieces, run_scheduled, trained, window_fits
 from shake_ros.thesis.reproduce import Claim, ExperimentReport, Rows, asked_in, noisy, recorded
@@ -172,10 +172,10 @@ def answer(errors: Mapping[str, Mapping[str, Mapping[str, float]]]) -> str:
 
 TRAINING_ERRORS = "Training errors are mean squares of the scaled error of θ; predicting the mean gives 1."
 CHANNELS = ("velocity", "acceleration")
-KEYS = {
+KEYS = (
     *("table", "truth", "effect", "parameters", "sample_time", "amplitudes", "frequencies", "doubling", "sum", "seed"),
     "seeds",
-}
+)
 
 
 @dataclass(frozen=True, repr=False)
@@ -318,7 +318,7 @@ def schedule(
     """
     if (estimation is None) != (validation is None):
         raise ShakeError("schedule: estimation and validation data, both or neither")
-    content = read_settings(settings) if isinstance(settings, str) else dict(settings)
+    content = load_content("schedule", settings, KEYS)[0] if isinstance(settings, str) else dict(settings)
     table, change = load_table(content["table"]), None
     if estimation is None:
         first, second = simulated(content, table)
@@ -327,12 +327,6 @@ def schedule(
         first, second = fit_data(estimation, validation, "valve_command")
     with Progress("schedule", progress) as bar:
         return ScheduleComparison(*compare(content, table, first, second, bar), change)
-
-
-def read_settings(name: str) -> dict[str, Any]:
-    """The content of a configuration; missing and unknown keys are errors."""
-    path = find("schedule", name)
-    return dict(strict_keys(read_yaml(path), KEYS, str(path), sorted(KEYS), kind="key"))
 
 
 EXPERIMENT_KEYS = ("settings", "good_within")

@@ -13,8 +13,8 @@ from shake_ros.declared import effect_candidates, free_parameters, sized
 from shake_ros.fit.free_parameters import FreeParameter
 from shake_ros.fit.model import SENSOR_FILTER, FreeModel, start_of
 from shake_ros.physics.plant.parameters import FULL_LAYOUT, TableParameters
-from shake_ros.quantities import Parameters, ShakeError, quantity, strict_keys
-from shake_ros.settings import find, read_yaml
+from shake_ros.quantities import Parameters, ShakeError, describe, quantity, strict_keys
+from shake_ros.settings import load_content
 
 SUPPLY = FreeParameter("supply.supply_pressure", 1e6, 1e6, 1e8, "Pa")
 
@@ -64,12 +64,10 @@ class TwinSettings:
 
 def load_twin(name: str = "default") -> TwinSettings:
     """config/twin/<name>.yaml, or a YAML file; ShakeError names file and key."""
-    path = find("twin", name)
-    own = [f.name for f in fields(TwinTest)]
-    content = dict(strict_keys(read_yaml(path), [*own, "parameters"], str(path), [*own, "parameters"], kind="key"))
+    content, path = load_content("twin", name, [*describe(TwinTest), "parameters"])
     known = [*FULL_LAYOUT.names, SENSOR_FILTER.name]
     given: Mapping[str, Any] = strict_keys(content.pop("parameters"), known, f"{path}: parameters")
-    test = TwinTest.from_mapping(content, str(path))
+    test = TwinTest.from_mapping(content, path)
     wander = {n: FollowedWander.from_mapping(c, f"{path}: {n}") for n, c in given.items()}
     if not wander:
         raise ShakeError(f"{path}: parameters: expected one at least")

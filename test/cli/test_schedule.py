@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from shake_ros.__main__ import main
-from shake_ros.settings import load_table
+from shake_ros.settings import load_content, load_table
 from shake_ros.thesis.network import pieces
-from shake_ros.thesis.schedule import read_settings, simulated
+from shake_ros.thesis.schedule import KEYS, simulated
 
 
 @pytest.mark.parametrize(
@@ -25,7 +25,7 @@ def test_bad_arguments_are_one_line(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 
 def test_simulated_data_are_windows_to_learn_from_and_a_doubled_amplitude_to_validate() -> None:
-    settings = read_settings("default")
+    settings = load_content("schedule", "default", KEYS)[0]
     short = settings | {"amplitudes": [0.1, 0.3], "frequencies": [2.0]}
     learn, hold = simulated(short, load_table(settings["table"]))
     assert len(pieces(learn)) == 2
