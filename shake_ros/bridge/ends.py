@@ -57,17 +57,12 @@ def receive(link: socket.socket) -> tuple[bytes, int, tuple[str, int]] | None:
 
 
 class LinkEnd:
-    """What both ends have: a socket, a shared key (empty for none), a session, and counts of what came.
-
-    Attributes
-    ----------
-    rejected : datagrams that were refused or could not be sent, by reason.
-    """
+    """What both ends have: a socket, a shared key (empty for none), a session, and counts of what came."""
 
     def __init__(self, address: str, port: int, key: bytes, clock: Callable[[], float]) -> None:
         self.key = key
         self.session: Session | None = None
-        self.rejected: Counter[str] = Counter()
+        self.rejected: Counter[str] = Counter()  # datagrams that were refused or could not be sent, by reason
         self.received = self.sessions = 0
         self._clock = clock
         self._socket = udp_socket(address, port)

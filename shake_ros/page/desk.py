@@ -136,14 +136,10 @@ class TwinStatus(NamedTuple):
 
 
 class TwinHistory:
-    """Filled by the node, read by the server's thread.
-
-    Attributes
-    ----------
-    content : ends of the windows since the reference [s], parameters with their curves, changes.
-    """
+    """Filled by the node, read by the server's thread."""
 
     def __init__(self) -> None:
+        # ends of the windows since the reference [s], parameters with their curves, changes
         self.content: dict[str, Any] = {"time": [], "parameters": [], "changes": []}
 
     def add(self, stamp: float, statuses: Sequence[TwinStatus]) -> None:

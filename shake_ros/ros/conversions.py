@@ -115,12 +115,6 @@ class Codec:
     build : numbers and variance → message, without its header.
     read : message → numbers.
     parts : what stands behind the stamp.
-
-    Attributes
-    ----------
-    size : how many numbers.
-    variance : of the sensor's noise [unit²], where the message has a place for it; 0: unknown.
-    lead : by which the motion of a trajectory's point is later than the stamp [ns]; of the last message that was read.
     """
 
     def __init__(
@@ -128,14 +122,15 @@ class Codec:
     ) -> None:
         self.topic = topic
         self._read = read
-        self.variance = 0.0
+        self.variance = 0.0  # of the sensor's noise [unit²], where the message has a place for it; 0: unknown
+        # by which the motion of a trajectory's point is later than the stamp [ns]; of the last message that was read
         self.lead = 0
         self._build = build
         stamped: Parts = [("i", 0), ("I", 0), *parts]
         self._struct = struct.Struct(_aligned(stamped))
         self._pattern: list[Any] = [ENCAPSULATION, *(value for _, value in stamped)]
         self._places = [place for place, value in enumerate(self._pattern) if value is NUMBER]
-        self.size = len(self._places)
+        self.size = len(self._places)  # how many numbers
         self._variances = [place for place, value in enumerate(self._pattern) if value is VARIANCE]
         self._lead_at = self._pattern.index(LEAD) if LEAD in self._pattern else 0
         self._template = [0.0 if value in (NUMBER, VARIANCE) else value for value in self._pattern]

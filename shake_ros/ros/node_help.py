@@ -124,19 +124,14 @@ def parameter_entry(described: Any, value: Any) -> dict[str, Any]:
 
 
 class RemoteParameters:
-    """Keeps what the nodes say of their parameters; works in the thread of the node's executor.
-
-    Attributes
-    ----------
-    nodes : executable name → list of parameters, replaced whole.
-    """
+    """Keeps what the nodes say of their parameters; works in the thread of the node's executor."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
         self._space = node.get_namespace().rstrip("/")
         self._clients: dict[str, AsyncParameterClient] = {}
         self._wanted: dict[str, float] = {}
-        self.nodes: dict[str, list[dict[str, Any]]] = {}
+        self.nodes: dict[str, list[dict[str, Any]]] = {}  # executable name → list of parameters, replaced whole
         node.create_subscription(ParameterEvent, "/parameter_events", self._event, 100)
 
     def _event(self, message: ParameterEvent) -> None:

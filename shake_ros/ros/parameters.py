@@ -135,11 +135,6 @@ class LiveSet(Generic[P]):
     value : the set as read from the configuration.
     prefix : of the ROS parameter names, with its dot.
     accept : raises ShakeError where the node cannot use a set that is within its bounds.
-
-    Attributes
-    ----------
-    committed : called once a change that was accepted is in `value`.
-    owner : the parameter whose change exchanges this set for another; the two are not changed together.
     """
 
     def __init__(self, value: P, prefix: str = "", accept: Callable[[P], object] = lambda _: None) -> None:
@@ -147,8 +142,8 @@ class LiveSet(Generic[P]):
         self.prefix = prefix
         self.accept = accept
         self.changed = False
-        self.committed: Callable[[], None] = lambda: None
-        self.owner = ""
+        self.committed: Callable[[], None] = lambda: None  # called once a change that was accepted is in `value`
+        self.owner = ""  # the parameter whose change exchanges this set for another; the two are not changed together
 
     def take(self) -> P:
         """The newest accepted set; call it between two samples."""

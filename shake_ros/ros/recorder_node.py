@@ -115,19 +115,13 @@ class WritingThread:
     writer : recording, just made.
     flush_every : everything is handed to the operating system at least this often [s].
     limit : of the bytes that wait; what comes beyond is counted as dropped.
-
-    Attributes
-    ----------
-    waiting : bytes in the queue.
-    dropped : messages that found no room.
-    error : why writing ended, empty while it goes well.
     """
 
     def __init__(self, writer: BagWriter, flush_every: float, limit: int) -> None:
         self.path: Path = writer.path
-        self.waiting = 0
-        self.dropped = 0
-        self.error = ""
+        self.waiting = 0  # bytes in the queue
+        self.dropped = 0  # messages that found no room
+        self.error = ""  # why writing ended, empty while it goes well
         self._writer = writer
         self._flush_every = flush_every
         self._limit = limit

@@ -25,19 +25,14 @@ class NewestSamples:
     ----------
     capacity : samples to keep.
     sample_time : their distance [s].
-
-    Attributes
-    ----------
-    restarts : how often it was started anew.
-    reason : of the last time, in words.
     """
 
     def __init__(self, capacity: int, sample_time: float) -> None:
         if capacity < 8 or not sample_time > 0.0:
             raise ShakeError(f"a window needs at least 8 samples and a positive sample time, not {capacity}")
         self.sample_time = sample_time
-        self.restarts = 0
-        self.reason = ""
+        self.restarts = 0  # how often it was started anew
+        self.reason = ""  # of the last time, in words
         self._values = np.empty(capacity)
         self._stamps = np.empty(capacity, dtype=np.int64)
         self._count = 0  # samples since the last start

@@ -114,15 +114,11 @@ class Collector:
     signal : what is read.
     topic : full name.
     joint : its name; the signal's where empty.
-
-    Attributes
-    ----------
-    sources : of the messages so far, in the order of their first.
     """
 
     def __init__(self, signal: Signal, topic: str, joint: str = "") -> None:
         self.signal, self.topic, self.joint = signal, topic, joint or signal.joint
-        self.sources: list[Publisher] = []
+        self.sources: list[Publisher] = []  # of the messages so far, in the order of their first
         self._messages: list[bytes] = []
         self._received: list[int] = []
         self._parts: list[Series] = []
