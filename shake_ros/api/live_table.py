@@ -40,19 +40,12 @@ SAME = ("beta1", "beta2", "beta3", "beta4", "beta5", "position_noise", "jerk_noi
 
 @dataclass(frozen=True)
 class OwnLoop:
-    """Parameters of observer and controller for a table, whatever model they carry.
-
-    Attributes
-    ----------
-    observer, law : their parameters.
-    kind : of the law.
-    sound : whether it rings on no neighbour of the table.
-    """
+    """Parameters of observer and controller for a table, whatever model they carry."""
 
     observer: ObserverParameters
-    kind: str
+    kind: str  # of the law
     law: LawParameters
-    sound: bool
+    sound: bool  # whether it rings on no neighbour of the table
 
     def late(self, model: TableParameters, late: float) -> OwnLoop:
         """The loop with its dead time [s], which a fitted model with a delay knows by itself."""

@@ -24,25 +24,21 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @dataclass
 class Job:
-    """One command.
-
-    state : running, done, failed, cancelled. work, part, begun : what of it runs now, how much is done, since when.
-    asks : what it wants released, empty for nothing. of : the page's request. open : whether models are left open.
-    """
+    """One command."""
 
     number: int
     arguments: tuple[str, ...]
     out: Path
-    of: Mapping[str, Any]
+    of: Mapping[str, Any]  # the page's request
     started: float = field(default_factory=time.time)
     ended: float = 0.0
-    state: str = "running"
-    work: str = ""
+    state: str = "running"  # or done, failed, cancelled
+    work: str = ""  # what of it runs now
     doing: str = "starting"
-    part: float = 0.0
-    begun: float = field(default_factory=time.time)
-    asks: str = ""
-    open: bool = False
+    part: float = 0.0  # of that which is done
+    begun: float = field(default_factory=time.time)  # when that began
+    asks: str = ""  # what it wants released, empty for nothing
+    open: bool = False  # whether models are left open
     lines: list[str] = field(default_factory=list)
 
     @property

@@ -58,24 +58,14 @@ READS: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class NodeSpec:
-    """One node of a graph.
+    """One node of a graph."""
 
-    Parameters
-    ----------
-    executable : a name of the table of entry points.
-    parameters : ROS parameters by name.
-    reads : sampled topics that it reads beyond those of its kind.
-    remaps : old name → new name.
-    name : of the node; the executable's where empty.
-    program : what to run instead of the executable, its arguments included.
-    """
-
-    executable: str
-    parameters: Mapping[str, Value] = field(default_factory=dict)
-    reads: tuple[str, ...] = ()
-    remaps: Mapping[str, str] = field(default_factory=dict)
-    name: str = ""
-    program: tuple[str, ...] = ()
+    executable: str  # a name of the table of entry points
+    parameters: Mapping[str, Value] = field(default_factory=dict)  # ROS parameters by name
+    reads: tuple[str, ...] = ()  # sampled topics that it reads beyond those of its kind
+    remaps: Mapping[str, str] = field(default_factory=dict)  # old name → new name
+    name: str = ""  # of the node; the executable's where empty
+    program: tuple[str, ...] = ()  # what to run instead of the executable, its arguments included
 
     @property
     def called(self) -> str:

@@ -106,19 +106,15 @@ class _Normal:
 
 @dataclass(frozen=True)
 class _Onset:
-    """Where a change came.
+    """Where a change came, with the twin's state before it."""
 
-    since : stamp after which it came [ns]. model, known, normal, left : as of the twin before it.
-    before : the latest windows before it. change : as it was reported, if it was.
-    """
-
-    since: int
+    since: int  # stamp after which it came [ns]
     model: FreeModel
     known: KnownState
     normal: _Normal
-    before: Sequence[Record]
+    before: Sequence[Record]  # the latest windows before it
     left: TableParameters | None
-    change: Change | None = None
+    change: Change | None = None  # as it was reported, if it was
 
 
 class Twin:

@@ -47,42 +47,26 @@ class Provenance:
 
 @dataclass(frozen=True)
 class TableRecording:
-    """Samples of a table at the stamps of its position sensor.
+    """Samples of a table at the stamps of its position sensor; None for a signal that was not recorded."""
 
-    Attributes
-    ----------
-    name : the recording's name (its folder's).
-    time : (n,) from the first stamp [s].
-    sample_time : mean distance of neighbouring samples [s].
-    valve_command : (n,) command acting from each sample until the next [-]; NaN where it is not known.
-    position : (n,) [m].
-    acceleration : (n,) [m/s²] or None.
-    pressure_a, pressure_b, pressure_supply : (n,) absolute [Pa] or None. pressure_load : (n,) of a transducer between
-        the chambers, of A less that of B [Pa], or None.
-    force : (n,) external force on the table [N] or None.
-    reference, estimate, truth : (n, 3) position, velocity, acceleration in SI units, or None; NaN where missing.
-    segments : slices without a gap, in which command, position and (where there is one) acceleration are finite, and
-        the command acted.
-    findings : what was not as it should be.
-    """
-
-    name: str
-    time: Floats
-    sample_time: float
-    valve_command: Floats
-    position: Floats
-    acceleration: Floats | None
+    name: str  # the recording's (its folder's)
+    time: Floats  # (n,) from the first stamp [s]
+    sample_time: float  # mean distance of neighbouring samples [s]
+    valve_command: Floats  # (n,) acting from each sample until the next [-]; NaN where it is not known
+    position: Floats  # (n,) [m]
+    acceleration: Floats | None  # (n,) [m/s²]
+    # without a gap, in which command, position and (where there is one) acceleration are finite, and the command acted
     segments: tuple[slice, ...]
     provenance: Provenance
-    findings: tuple[Finding, ...] = ()
-    pressure_a: Floats | None = None
+    findings: tuple[Finding, ...] = ()  # what was not as it should be
+    pressure_a: Floats | None = None  # (n,) absolute [Pa]
     pressure_b: Floats | None = None
-    pressure_load: Floats | None = None
-    pressure_supply: Floats | None = None
-    force: Floats | None = None
-    reference: Floats | None = None
-    estimate: Floats | None = None
-    truth: Floats | None = None
+    pressure_load: Floats | None = None  # (n,) of a transducer between the chambers, of A less that of B [Pa]
+    pressure_supply: Floats | None = None  # (n,) absolute [Pa]
+    force: Floats | None = None  # (n,) external force on the table [N]
+    reference: Floats | None = None  # (n, 3) position [m], velocity [m/s], acceleration [m/s²]; NaN where missing
+    estimate: Floats | None = None  # the same
+    truth: Floats | None = None  # the same
 
     def __len__(self) -> int:
         return len(self.time)
