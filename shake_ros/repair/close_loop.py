@@ -152,10 +152,11 @@ def judged(
 ) -> tuple[Selection, tuple[EffectVerdict, ...], tuple[EffectVerdict, ...]]:
     """As of `with_verdicts`, on predictor runs where process noise shows: free runs carry it along, and it hides much.
 
+    Free runs judge a model with backlash all the same: no predictor follows its contacts.
     shown : effects that the recordings show without a model.
     """
     judge = problem.on_predictor_runs(found.final.fit)
-    if judge is problem:
+    if judge is problem or any(step.chosen.candidate.narrow for step in found.steps):
         return with_verdicts(problem, found, shown)
     found, verdicts, dropped = with_verdicts(judge, found.on(judge.again, judge.again), shown)
     return found.on(problem.again, problem.again), verdicts, dropped

@@ -32,9 +32,9 @@ from shake_ros.search.proposal import EffectSet, Linearised, linearised, proposa
 Progress = Callable[[str], None]
 SHORT, LONG = 8, 16  # Jacobians of a fit that is to be compared, and of one that goes on
 SETTLED = 3.0  # gain in log likelihood from which a fit goes on [nats]
-MORE = 1.1  # times what fewer effects have gained, from which a larger set is refitted: less is mostly curvature
+MORE = 1.1  # times what fewer effects promise, from which a larger set is refitted: less is mostly curvature
 TIGHT = 0.03  # random force of the other start of the first fit, in parts of the acceleration: a loose one can stay so
-CLOSEST, NEARLY = 3, 0.5  # single effects that are refitted at most, and part of the best one's promise from which
+CLOSEST = 3  # single effects that are refitted, the most promising ones
 PROMISE, ALIKE = 0.5, 0.8  # part of an effect's gain that a rival has to promise at first order, and to take
 
 
@@ -178,7 +178,7 @@ class SetSearch:
         """
         self._loose = loose
         self.progress("declared model: fit")
-        best = self.scored(model, SHORT, loose, replace(loose, force=TIGHT))
+        best = self.scored(model, LONG, loose, replace(loose, force=TIGHT))
         yield best
         if self.shown:
             self.progress(f"refit with {self.shown.effect.called}, which the recordings show")
@@ -208,9 +208,7 @@ class SetSearch:
             promised = {s.trials[0].candidate.name: s for s in proposals(self._screened(less), 1)[1]}
             least = PROMISE * promised[effect.name].gain if effect.name in promised else math.inf
             others = [s for n, s in promised.items() if s.gain > least and n not in best.model.effect_names][:CLOSEST]
-            models = [start(less.fitted, s) for s in others]
-            known = [self._fits.get(frozenset(m.effect_names)) for m in models]
-            tried = [k or self.scored(m, SHORT, less.levels) for k, m in zip(known, models, strict=True)]
+            tried = [self.scored(start(less.fitted, s), SHORT, less.levels) for s in others]
             found[effect.name] = [t for t in tried if gain(t, less) > ALIKE * taken]
         return found
 
@@ -221,7 +219,12 @@ class SetSearch:
 
         against : the model that it has to be better than, where that is another one.
         """
-        better, tried = against or best, self._refits(best)
+        better, tried = against or best, list[Scored]()
+        for s in worth_trying(proposals(self._screened(best)), len(best.fitted.likelihood)):
+            if self.budget.over():
+                break
+            self.progress(f"refit with {' + '.join(s.names)}")
+            tried.append(self.scored(start(best.fitted, s), SHORT, best.levels))
         if not tried:
             return None
         sure = [t for t in tried if evidence(t, better) > 0.0]
@@ -232,24 +235,6 @@ class SetSearch:
         winner = self.settled(self._reduced(self.settled(winner)))
         same = set(winner.model.effect_names) == set(better.model.effect_names)
         return winner if evidence(winner, better) > (SETTLED if same else 0.0) else None
-
-    def _refits(self, best: Scored) -> list[Scored]:
-        """Fits with the most promising single effects more, and with larger sets that promise more than these gain."""
-        proposed, blocks, tried = proposals(self._screened(best)), len(best.fitted.likelihood), list[Scored]()
-
-        def net(s: EffectSet) -> float:
-            return s.gain - price(len(s.trials), sum(len(t.candidate.free) for t in s.trials), blocks)
-
-        singles = [s for s in proposed.get(1, [])[:CLOSEST] if net(s) > 0.0]
-        larger = (max(proposed[size], key=net) for size in (2, 3) if proposed.get(size))
-        for s in (*(s for s in singles if net(s) > NEARLY * net(singles[0])), *larger):
-            gained = max((gain(t, best) - price_over(t, best) for t in tried), default=0.0)
-            if self.budget.over():
-                break
-            if len(s.trials) == 1 or (tried and net(s) > MORE * gained):
-                self.progress(f"refit with {' + '.join(s.names)}")
-                tried.append(self.scored(start(best.fitted, s), SHORT, best.levels))
-        return tried
 
     def _screened(self, found: Scored) -> Linearised:
         """A model with every effect that it lacks, to first order; remembered, since rivals ask as well."""
@@ -282,6 +267,23 @@ class SetSearch:
 def gain(more: Scored, less: Scored) -> float:
     """Gain in log likelihood on estimation and validation data [nats]."""
     return more.fitted.total - less.fitted.total + float(np.sum(more.validation - less.validation))
+
+
+def worth_trying(found: dict[int, list[EffectSet]], blocks: int) -> list[EffectSet]:
+    """The best set of each size that promises more than it costs, and rivals of the best single effect."""
+
+    def net(p: EffectSet) -> float:
+        return p.gain - price(len(p.trials), sum(len(t.candidate.free) for t in p.trials), blocks)
+
+    chosen = list[EffectSet]()
+    singles = [p for p in found.get(1, []) if net(p) > 0.0]
+    if singles:
+        chosen += [p for p in singles[:CLOSEST] if net(p) > 0.5 * net(singles[0])]
+    for size in (2, 3):
+        best = max(found.get(size, []), key=net, default=None)
+        if best is not None and chosen and net(best) > MORE * max(net(c) for c in chosen):
+            chosen.append(best)
+    return chosen
 
 
 def names_of(effects: Sequence[TriedEffect]) -> str:
