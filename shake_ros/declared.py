@@ -6,14 +6,14 @@ latter two it is one for the model `unknown`.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from shake_ros.explain import experiments
 from shake_ros.fit.axis_model import AXIS
 from shake_ros.fit.free_parameters import FreeParameter, free_parameter, null_shifts_of
 from shake_ros.fit.nuisances.prepared import Prepared
-from shake_ros.fit.records import FULL, DeclaredModel
+from shake_ros.fit.records import FULL, DeclaredModel, Record
 from shake_ros.fit.reduced_model import REDUCED
 from shake_ros.fit.start.stages import StartingPoint
 from shake_ros.fit.start.unknown_model import NAME as UNKNOWN
@@ -27,6 +27,7 @@ from shake_ros.settings import find, load_search, load_table, read_yaml, table_o
 
 MODELS: dict[str, DeclaredModel] = {model.name: model for model in (FULL, REDUCED, AXIS)}
 DEFAULT_TABLE = "bergamo"
+AGAINST_POSITION = ("accelerometer_lag", "accelerometer_scale", "position_sensor_lag")  # what only a position shows
 
 
 def free_parameters(model: DeclaredModel = FULL, late: bool = False) -> list[FreeParameter]:
@@ -43,16 +44,20 @@ def free_parameters(model: DeclaredModel = FULL, late: bool = False) -> list[Fre
     return [f for f in found if model.may_move(f.name)]
 
 
-def effect_candidates(model: DeclaredModel = FULL, table: TableParameters | None = None) -> tuple[CandidateEffect, ...]:
+def effect_candidates(
+    model: DeclaredModel = FULL, table: TableParameters | None = None, records: Sequence[Record] = ()
+) -> tuple[CandidateEffect, ...]:
     """Every effect that the model may lack, with its trials, from config/discovery.
 
     Parameters
     ----------
     table : of the model, where its size is its own; the file's trials are made for DEFAULT_TABLE.
+    records : of whose motion it has to show; without a position not all effects do.
     """
     path = find("discovery", model.candidates_file)
     found = candidates(read_yaml(path), str(path), model.layout.name, model.layout.fields)
-    fitting = tuple(c for c in found if model.may_lack(c.effect))
+    unseen = () if all(r.position_measured for r in records) else AGAINST_POSITION
+    fitting = tuple(c for c in found if model.may_lack(c.effect) and c.effect not in unseen)
     return fitting if table is None or not model.nuisances else sized(fitting, table)
 
 
@@ -68,7 +73,7 @@ def model_structure(begin: StartingPoint | TableParameters, model: DeclaredModel
     free, late = tuple(free_parameters(model)), tuple(free_parameters(model, late=True))
     if model.nuisances:
         free = (*free, *null_shifts_of(len({r.run for r in start.data.estimation}), free))
-    effects = effect_candidates(model, start.fitted)
+    effects = effect_candidates(model, start.fitted, start.data.estimation)
     return ModelStructure(start.table, free, late, effects, model, start.fitted, start.shown, start.between)
 
 

@@ -85,11 +85,11 @@ def recording(case: str, seed: int, name: str, seconds: float = SECONDS) -> Reco
     return Record(name, SAMPLE_TIME, made.commands, made.position, made.acceleration)
 
 
-def bag(case: str, seed: int, path: Path, seconds: float = SECONDS) -> Path:
-    """The same recording as a rosbag2 folder."""
+def bag(case: str, seed: int, path: Path, seconds: float = SECONDS, *, position: bool = True) -> Path:
+    """The same recording as a rosbag2 folder, with its position or without."""
     made = record(seed, seconds, **CASES[case])
     time = np.arange(len(made.commands)) * SAMPLE_TIME
-    return write_table_recording(path, time, made.commands, made.position, made.acceleration)
+    return write_table_recording(path, time, made.commands, made.position if position else None, made.acceleration)
 
 
 def problem_of(learn: list[Record], hold: list[Record]) -> SearchProblem:
@@ -120,10 +120,10 @@ def named(case: str) -> Named:
 
 
 @functools.cache
-def command(case: str) -> Command:
-    """`close_loop` on two bags of a case's table."""
-    folder = Path(_folder.name) / case
-    learn, hold = bag(case, 1, folder / "learn"), bag(case, 2, folder / "hold")
+def command(case: str, *, position: bool = True) -> Command:
+    """`close_loop` on two bags of a case's table, with their positions or without."""
+    folder = Path(_folder.name) / (case if position else f"{case}_without_position")
+    learn, hold = (bag(case, seed, folder / n, position=position) for seed, n in ((1, "learn"), (2, "hold")))
     results: list[LoopClosure] = []
 
     def kept(*arguments: Any, **more: Any) -> LoopClosure:
@@ -132,7 +132,7 @@ def command(case: str) -> Command:
 
     output, out = io.StringIO(), folder / "out"
     given = ["close_loop", "--learn", str(learn), "--hold", str(hold), "--out", str(out)]
-    given += ["--tune"] if case == TUNED else []
+    given += ["--tune"] if case == TUNED and position else []
     tuning = short_tuning(Path(_folder.name), 2)
     with (
         mock.patch.object(closing, "close_loop", kept),

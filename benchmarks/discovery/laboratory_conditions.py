@@ -227,9 +227,10 @@ def judged(asked: Condition, case: foreign.Case, report: Any, noise: Mapping[str
     wrong = [s["effect"] for s in report["steps"] if not right & {s["effect"], *s["alternatives"]}]
     error = report["final"]["error"]["hold"]
     over = [e["acceleration"] / noise[n] for n, e in error.items() if "acceleration" in e]
-    velocity = 100.0 * float(np.mean([e["velocity"] for e in error.values()]))
+    velocities = [100.0 * e["velocity"] for e in error.values() if "velocity" in e]
     about = f"{np.mean(over):.2f} times the noise" if over else "no acceleration"
-    return f"{' + '.join(named) or 'nothing'}; wrong: {', '.join(wrong) or 'none'}; {about}, velocity {velocity:.2f} %"
+    about += f", velocity {np.mean(velocities):.2f} %" if velocities else ", no velocity"
+    return f"{' + '.join(named) or 'nothing'}; wrong: {', '.join(wrong) or 'none'}; {about}"
 
 
 def measure(asked: Condition, out: Path, minutes: float) -> list[str]:

@@ -27,6 +27,7 @@ from shake_ros.fit.axis_model import position_errors
 from shake_ros.fit.nuisances.prepared import Prepared
 from shake_ros.fit.recording_problem import RecordingProblem
 from shake_ros.fit.records import Record
+from shake_ros.fit.start.stages import StartingPoint
 from shake_ros.fit.uncertainty import Estimate, known_covariance
 from shake_ros.physics.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.quantities import ShakeError
@@ -190,7 +191,10 @@ class Discovery(fitted.FittedResult):
         if not second:
             first, second = _halves(first)
         data = replace(data, estimation=[*self.estimation, *first], validation=[*self.validation, *second])
-        structure, failures = model_structure(self.closed.baseline.table, declared), Failures()
+        structure, failures = (
+            model_structure(StartingPoint.declared(self.closed.baseline.table, data), declared),
+            Failures(),
+        )
         structure = replace(structure, free=self.closed.search.declared.fit.free.free)
         with Progress("close_loop", progress) as bar, Ending(bar, minutes) as ending:
             settings = search_settings(declared)

@@ -64,7 +64,7 @@ def import_csv(
     out: str | Path,
     *,
     command: str,
-    position: str,
+    position: str | None = None,
     time: str | None = None,
     rate: float | None = None,
     skip: int | None = None,
@@ -81,9 +81,9 @@ def import_csv(
     ----------
     file : text, .xlsx, .tdms, or .mat.
     out : folder of the recording.
-    command, position, signals : a column's name or its number from 1: valve command [-], position [m]; and of
+    command, position, signals : a column's name or its number from 1: valve command [-]; and of position [m],
         acceleration [m/s²], force on the table [N], pressure_a, pressure_b, pressure_load, pressure_supply [Pa] those
-        that there are.
+        that there are, position or acceleration among them.
         The unit in the heading, or in a row of units, takes it to SI units; a factor (`"CHANNEL0*0.01"`), and what is
         added then (`"mA*0.125-1.5"`), stand in for it.
     time : column of the time [s].
@@ -121,13 +121,15 @@ def import_csv(
     for name in signals:
         if name not in OF_SECOND:
             raise unknown_name("signal", name, SIGNALS)
-    known = {name: text for name, text in signals.items() if text is not None}
-    given = {"command": command, "position": position, **known}
+    known = {name: text for name, text in {"position": position, **signals}.items() if text is not None}
+    given = {"command": command, **known}
+    if not {"position", "acceleration"} & {*given, *(name for more in also for name in more)}:
+        raise ShakeError(f"{path}: --position or --acceleration is needed: a command alone shows no motion")
     how = {"rate": rate, "skip": skip, "decimal": decimal}
     values = _read(path, given, time, how, bridge, findings)
     for more in also:
         values = _with(path, values, more, same_clock, bridge, findings)
-    stamps, valve, motion = (values.pop(name) for name in ("time", "command", "position"))
+    stamps, valve, motion = values.pop("time"), values.pop("command"), values.pop("position", None)
     write_table_recording(out, stamps, valve, motion, **values, overwrite=overwrite)  # type: ignore[arg-type]
     recording = read_table_recording(out)
     return replace(recording, findings=(*findings, *recording.findings))
@@ -221,6 +223,8 @@ def _with(
             raise ShakeError(f"{other}: the {name} {reason}; a second file brings {', '.join(OF_SECOND)}")
     if "acceleration" not in signals and not same_clock:
         raise ShakeError(f"{other}: without an acceleration its clock cannot be related to that of {path}")
+    if "position" not in first and not same_clock:
+        raise ShakeError(f"{path}: without a position the clock of {other} cannot be related to it (--same-clock?)")
     time = more.get("time")
     second = _read(other, signals, None if time is None else str(time), how, bridge, findings)
     clock = None if same_clock else clock_between(first, second, (path, other))

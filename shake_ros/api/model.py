@@ -13,7 +13,7 @@ from shake_ros.declared import MODELS, declared_table, effect_candidates, free_p
 from shake_ros.fit.axis_model import AXIS, with_slow_changes
 from shake_ros.fit.nuisances.prepared import Prepared, prepared
 from shake_ros.fit.records import DeclaredModel, Record
-from shake_ros.fit.start.data_checks import contradictions, usable_pressures, within_stroke
+from shake_ros.fit.start.data_checks import contradictions, unmeasured_positions, usable_pressures, within_stroke
 from shake_ros.fit.start.linear_table import in_time
 from shake_ros.fit.start.stages import StartingPoint, staged_start
 from shake_ros.fit.start.unknown_model import NAME as UNKNOWN
@@ -94,16 +94,20 @@ class Model:
             return StartingPoint.declared(self.start(estimation), Prepared(*both, 1.0, (), stops=stops))
 
         def effects(table: TableParameters) -> dict[str, CandidateEffect]:
-            return {c.effect: c for c in effect_candidates(declared, table)}
+            return {c.effect: c for c in effect_candidates(declared, table, estimation)}
 
         data = replace(in_time(prepared(estimation, validation)), stops=stops)
         return staged_start(declared, free_parameters(declared), effects, data, progress)
 
     def usable(self, records: list[Record]) -> tuple[list[Record], tuple[str, ...]]:
-        """What of some recordings a fit can use, and a line on what it leaves out: end stops, impossible pressures."""
-        lines: tuple[str, ...] = ()
+        """What of some recordings a fit can use, and a line on what it leaves out: end stops, impossible pressures.
+
+        Of recordings without a position as well.
+        """
+        lines = unmeasured_positions(records)
         if self.stroke is not None:
-            records, lines = within_stroke(records, self.stroke)
+            records, stops = within_stroke(records, self.stroke)
+            lines += stops
         if not self.declared.pressures:
             return records, lines
         found, wrong = usable_pressures(records, None if self.declared.nuisances else self.table)

@@ -89,7 +89,9 @@ class Recordings(Sequence[TableRecording]):
     def _frame(self) -> ResultTable:
         rows = []
         for r in self:
-            signals = ", ".join(name for name in SIGNALS if getattr(r, name) is not None)
+            signals = ", ".join(
+                n for n in SIGNALS if getattr(r, n) is not None and (n != "position" or r.position_measured)
+            )
             kinds = ", ".join(dict.fromkeys(f.kind for f in r.findings)) or None
             rows.append((r.name, len(r), 1.0 / r.sample_time, len(r) * r.sample_time, signals, kinds))
         return ResultTable(("name", "samples", "rate [Hz]", "length [s]", "signals", "findings"), rows)
@@ -150,7 +152,7 @@ def read(
     take : what to read of a signal of which a recording holds several, as {"joint_states": "x_axis"}: the full name of
         a topic, the name of a joint, the number of a publisher as a refusal lists them, or several of these.
     command, position, columns : columns of text tables and .mat files with factors to SI units, as `import_csv` takes
-        them: `time` or `rate`, `command`, `position`, and if there are any `acceleration`, `force`; `skip`.
+        them: `time` or `rate`, `command`, `position` or `acceleration` or both, `force` if there is any; `skip`.
 
     Returns
     -------
@@ -177,8 +179,8 @@ def read(
         if tables:
             raise ShakeError(f'{tables[0]}: a table needs its columns, as in time="t", command="u", position="x*0.001"')
         return Recordings(read_table_recording(path, take) for given in paths for path in _within(Path(given)))
-    if command is None or position is None:
-        raise ShakeError("a table needs the columns of the command and of the position")
+    if command is None:
+        raise ShakeError("a table needs the column of the command")
     found = []
     with tempfile.TemporaryDirectory(prefix="shake_ros-read-") as folder:
         for number, path in enumerate(paths):
@@ -196,7 +198,11 @@ def _within(path: Path) -> list[Path]:
 
 
 def recording(
-    name: str, time: npt.ArrayLike, command: npt.ArrayLike, position: npt.ArrayLike, **signals: npt.ArrayLike
+    name: str,
+    time: npt.ArrayLike,
+    command: npt.ArrayLike,
+    position: npt.ArrayLike | None = None,
+    **signals: npt.ArrayLike,
 ) -> Recordings:
     """A recording from arrays.
 
@@ -205,14 +211,14 @@ def recording(
     name : of the recording.
     time : shape (n,), rising [s].
     command : valve command, shape (n,) [-].
-    position : shape (n,) [m].
+    position : shape (n,) [m]; None where the acceleration alone was measured.
     signals : acceleration [m/s²], pressure_a, pressure_b, pressure_load, pressure_supply [Pa], force [N], (n,) each;
         reference, estimate, truth, shape (n, 3) in SI units.
 
     Raises
     ------
     ShakeError
-        Lengths differ, or the time does not rise.
+        Lengths differ, the time does not rise, or there is neither position nor acceleration.
 
     Examples
     --------

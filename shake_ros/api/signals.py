@@ -296,7 +296,7 @@ def frequency_response(
 
 def _signal(part: TableRecording, name: str) -> npt.NDArray[np.float64]:
     values = getattr(part, name)
-    if values is None:
+    if values is None or not np.isfinite(values).any():
         raise ShakeError(f"no topic for {name} in the recording")
     values = values[:, 0] if values.ndim > 1 else values
     if not np.all(np.isfinite(values)):
@@ -408,8 +408,9 @@ def multisine_split(
     with naming(source):
         part = recording.longest
         values = part.position if channel == "position" else part.acceleration
-        if values is None:
-            raise ShakeError("no topic imu: there is no acceleration to split")
+        if values is None or not np.isfinite(values).any():
+            topic = {"acceleration": "imu", "position": "joint_states"}[channel]
+            raise ShakeError(f"no topic {topic}: there is no {channel} to split")
         samples = _samples(part, period)
         split = split_response(part.valve_command, values, samples, part.sample_time, skip)
     return RecordedSplit(recording.name, channel, samples * part.sample_time, split)

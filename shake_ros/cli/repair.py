@@ -43,7 +43,6 @@ from shake_ros.twin.follow import follow
 ALSO = "--also"
 NEEDED = {
     "command": "the valve command; a motion alone does not identify a table",
-    "position": "velocity and position of the table come from it; an acceleration alone gives neither",
     "out": "the folder of the recording",
 }
 
@@ -62,12 +61,12 @@ def import_csv_parser() -> CommandLine:
     """Arguments of the command, and of its first file."""
     command = CommandLine("import_csv", IMPORT_METHOD)
     command.usage = (
-        "import_csv FILE | FILE --time COL --command COL --position COL [--acceleration COL …] --out BAG "
+        "import_csv FILE | FILE --time COL --command COL [--position COL] [--acceleration COL …] --out BAG "
         f"[options] [{ALSO} FILE --time COL --acceleration COL …]"
     )
     _add_file(command, SIGNALS)
     command.add_argument("--out", type=Path, metavar="BAG", help="folder of the recording")
-    command.add_verb(import_csv, "time", "rate", "skip", "decimal", "also")
+    command.add_verb(import_csv, "position", "time", "rate", "skip", "decimal", "also")
     return command
 
 
@@ -113,6 +112,7 @@ def import_csv_command(arguments: Sequence[str]) -> int:
         f"{name} {np.nanmin(values):.4g} … {np.nanmax(values):.4g}"
         for name in SIGNALS
         if (values := recording.valve_command if name == "command" else getattr(recording, name)) is not None
+        and np.isfinite(values).any()
     )
     print(f"{given.out}: {len(recording)} samples, every {recording.sample_time * 1e3:.6g} ms, {ranges}")
     for finding in recording.findings:

@@ -159,8 +159,9 @@ def residuals_left(problem: RecordingProblem, vector: np.ndarray, held_out: bool
         if len(record.commands) - record.start < SHORTEST:
             continue
         velocity, acceleration = problem.simulate(vector[None, :], record)
-        rests = {"velocity": (record.velocity - velocity[0])[record.start :]}
-        independent = {"velocity": samples_apart(record.sample_time)}
+        rests, independent = dict[str, Floats](), {"velocity": samples_apart(record.sample_time)}
+        if record.position_measured:
+            rests["velocity"] = (record.velocity - velocity[0])[record.start :]
         if record.acceleration is not None:
             rests["acceleration"] = record.acceleration_left(acceleration[0])
             independent = {"velocity": 0, "acceleration": 1}

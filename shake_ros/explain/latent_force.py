@@ -107,7 +107,7 @@ def rests(model: DeclaredModel, record: Record, run: Array) -> tuple[Array, Arra
     Without their mean where a model leaves each channel an offset.
     """
     span, unseen = slice(record.start, None), np.full(len(run), np.nan)
-    velocity = (record.velocity - filtered_velocity(run[:, 1], record.sample_time))[span]
+    velocity = (record.motion[:, 0] - filtered_velocity(run[:, 1], record.sample_time))[span]
     acceleration = (unseen if record.acceleration is None else record.acceleration - run[:, 2])[span]
     acceleration[~record.whole[span]] = np.nan
     if record.acceleration is not None:
@@ -173,7 +173,8 @@ class _Passes:
             push = float(np.std(np.gradient(velocity, self.record.sample_time)))
         else:
             push = float(np.nanstd(acceleration)) + self.noise[1]
-        return float(np.std(velocity)) + self.noise[0], push, push
+        speed = velocity if self.record.position_measured else self.record.velocity
+        return float(np.std(speed)) + self.noise[0], push, push
 
     def under(self, applied: Array) -> Array | None:
         """The run under a force per mass."""

@@ -64,8 +64,11 @@ class Innovations:
 
 
 def innovations(problem: RecordingProblem, vector: np.ndarray) -> Innovations | None:
-    """Errors of prediction of a table over (pieces of) recordings; None of a model whose runs cannot be corrected."""
-    if not problem.model.injects:
+    """Errors of prediction of a table over (pieces of) recordings.
+
+    None of a model whose runs cannot be corrected, and where no position was measured.
+    """
+    if not problem.model.injects or not all(r.position_measured for r in problem.records):
         return None
     problem = RecordingProblem(windows(problem.records, SECONDS, PIECE), problem.model)
     true, noise = _errors(problem, vector, [r.motion for r in problem.records])

@@ -4,6 +4,7 @@ Open-loop positions drift, so velocity and acceleration are fitted. The simulate
 the measured one has gone through (filtered against filtered). Of a force-driven axis the position is fitted as well: it
 is what was measured, and a drift of its free run is that of the force. Where the pressures of both chambers were
 measured their difference is fitted, but for its offset, and for its scale where the table's pressures have no unit.
+Of a recording without a position neither position nor velocity is compared.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ class RecordingProblem:
         for r in records:
             independent = independent_part(r.sample_time, r.every)
             velocity, acceleration = r.deviations()
-            self.velocity_weights.append(np.sqrt(independent) / velocity)
+            self.velocity_weights.append(np.sqrt(independent) / velocity if velocity else 0.0)
             self.acceleration_weights.append(1.0 / acceleration if acceleration else 0.0)
             if model.positions:
                 floor = MODEL_FLOOR * float(np.std(r.position[r.start :]))
@@ -121,7 +122,8 @@ class RecordingProblem:
         parts = []
         for record, run, (w_v, w_a, w_x, w_p) in zip(self.records, runs, self._weights(), strict=True):
             velocity, acceleration, position, pressure = run
-            parts.append(w_v * (velocity - record.velocity)[:, record.start :])
+            if record.position_measured:
+                parts.append(w_v * (velocity - record.velocity)[:, record.start :])
             if record.acceleration is not None:
                 parts.append(-w_a * record.acceleration_left(acceleration))
             if position is not None:
@@ -131,7 +133,7 @@ class RecordingProblem:
             own = slice(len(parts) - self._channels(record), len(parts))
             parts[own] = [self._in_band(part, record) for part in parts[own]]
             if record.acceleration is not None and record.explained is not None:
-                parts[own.start + 1] += self._beyond(acceleration, record)
+                parts[own.start + record.position_measured] += self._beyond(acceleration, record)
         parts += [(vectors[:, [i]] - value) / deviation for i, value, deviation in self.model.priors]
         return np.concatenate(parts, axis=1)
 
@@ -163,7 +165,7 @@ class RecordingProblem:
 
     def _channels(self, record: Record) -> int:
         others = record.acceleration is not None, self.model.positions, self._compares_pressure(record)
-        return 1 + sum(others)
+        return record.position_measured + sum(others)
 
     def _weights(self) -> Iterator[tuple[float, float, float, float]]:
         """Of velocity, acceleration, position and pressure, record by record."""
@@ -185,7 +187,8 @@ class RecordingProblem:
         for record, (w_v, w_a, w_x, w_p) in zip(self.records, self._weights(), strict=True):
             n = len(self._samples(record))
             share = 1.0 if record.noise_from_periods else self.unpredictable
-            total += share * n * (w_v * record.velocity_noise()) ** 2
+            if record.position_measured:
+                total += share * n * (w_v * record.velocity_noise()) ** 2
             if record.acceleration is not None:
                 valid = np.count_nonzero(record.whole[self._samples(record)])
                 total += share * valid * (w_a * record.acceleration_noise()) ** 2
@@ -221,8 +224,9 @@ class RecordingProblem:
         parts = []
         for record in self.records:
             n = len(self._samples(record))
-            parts += [np.full(n, independent_part(record.sample_time, record.every))]
-            parts += [np.ones(n)] * (self._channels(record) - 1)
+            if record.position_measured:
+                parts += [np.full(n, independent_part(record.sample_time, record.every))]
+            parts += [np.ones(n)] * (self._channels(record) - record.position_measured)
         return np.concatenate(parts)
 
     def samples_for_one(self, residuals: np.ndarray) -> float:
@@ -305,16 +309,17 @@ class RecordingProblem:
     def _pairs(record: Record, run: Compared) -> Iterator[tuple[str, np.ndarray]]:
         """What was measured and what one run has of each channel, shape (2, n)."""
         span = slice(record.start, None)
-        yield "velocity", np.array([record.velocity[span], run.velocity[0, span]])
+        if record.position_measured:
+            yield "velocity", np.array([record.velocity[span], run.velocity[0, span]])
         if record.acceleration is not None:
             yield "acceleration", np.array([record.acceleration, run.acceleration[0]])[:, span][:, record.whole[span]]
         if record.pressure is not None and run.pressure is not None:
             yield "load_pressure", np.array([record.pressure[span], run.pressure[0, span]])
 
     def noise(self) -> dict[str, float]:
-        """Estimated noise of velocity [m/s] and acceleration [m/s²], root mean square over the recordings."""
-        result = {"velocity": float(np.sqrt(np.mean([r.velocity_noise() ** 2 for r in self.records])))}
-        measured = [r.acceleration_noise() ** 2 for r in self.records if r.acceleration is not None]
-        if measured:
-            result["acceleration"] = float(np.sqrt(np.mean(measured)))
-        return result
+        """Estimated noise of velocity [m/s] and acceleration [m/s²], root mean square of all recordings with it."""
+        squares = {
+            "velocity": [r.velocity_noise() ** 2 for r in self.records if r.position_measured],
+            "acceleration": [r.acceleration_noise() ** 2 for r in self.records if r.acceleration is not None],
+        }
+        return {channel: float(np.sqrt(np.mean(known))) for channel, known in squares.items() if known}

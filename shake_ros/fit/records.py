@@ -75,6 +75,8 @@ class Record:
         from and then those held out. own : what a force-driven axis takes from this recording
         for itself, see axis_model.py. explained : where the command explains the response; None: everywhere.
         past : velocity before the first sample, by which friction's film has built up, shape (k,) [m/s].
+    position_measured : False where the position is the acceleration integrated (signals/velocity_filter.py): runs
+        begin there and volumes follow it, but it is never compared.
     """
 
     name: str
@@ -95,6 +97,7 @@ class Record:
     own: tuple[str, ...] = ()
     explained: ExplainedBand | None = None
     past: np.ndarray = field(default_factory=lambda: NOTHING)
+    position_measured: bool = True
     velocity: np.ndarray = field(init=False)
     track: np.ndarray = field(init=False)
 
@@ -134,7 +137,7 @@ class Record:
         """Velocity [m/s] and acceleration [m/s²], NaN without, shape (n, 2)."""
         none = np.full(len(self.commands), np.nan)
         felt = none if self.acceleration is None else np.where(self.whole, self.acceleration, np.nan)
-        return np.column_stack([self.velocity, felt])
+        return np.column_stack([self.velocity if self.position_measured else none, felt])
 
     @cached_property
     def beginning(self) -> np.ndarray:
@@ -180,7 +183,9 @@ class Record:
     def noise_from_periods(self) -> dict[str, float]:
         """Standard deviation of what changes from period to period of a command that repeats; empty where none does."""
         span = slice(self.start, None)
-        found = {"velocity": periodic_deviation(self.velocity[span], self.commands[span])}
+        found = dict[str, float | None]()
+        if self.position_measured:
+            found["velocity"] = periodic_deviation(self.velocity[span], self.commands[span])
         if self.acceleration is not None:
             found["acceleration"] = periodic_deviation(self.acceleration[span], self.commands[span])
         return {channel: value for channel, value in found.items() if value is not None}
@@ -203,12 +208,14 @@ class Record:
         return min(self.noise_from_periods.get("acceleration", self._white_acceleration), self.calmest)
 
     def deviations(self) -> tuple[float, float]:
-        """Deviation of the velocity [m/s] and the acceleration [m/s²] that counts as noise; 0 without accelerometer.
+        """Deviation of the velocity [m/s] and the acceleration [m/s²] that counts as noise; 0 of what is not measured.
 
         Not below a part of each one's size: no model is better than that.
         """
         span = slice(self.start, None)
-        velocity = math.hypot(self.velocity_noise(), MODEL_FLOOR * float(np.std(self.velocity[span])))
+        velocity = 0.0
+        if self.position_measured:
+            velocity = math.hypot(self.velocity_noise(), MODEL_FLOOR * float(np.std(self.velocity[span])))
         if self.acceleration is None:
             return velocity, 0.0
         floor = MODEL_FLOOR * float(np.std(self.acceleration[span]))

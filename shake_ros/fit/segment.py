@@ -26,6 +26,7 @@ class Segment:
     ----------
     name : of the recording. run : its number. dt : [s]. commands : [-]. command_before : before the first one [-].
     position : [m]. acceleration : [m/s²], NaN where it was not measured. velocity : at the first sample [m/s].
+    position_measured : False where the position is the acceleration integrated.
     pressure : of chamber A less that of B [Pa]; None where it was not measured.
     begin : time of the first sample since the recording's start [s]. past : velocity before it, shape (k,) [m/s].
     noise : standard deviation of the noise of position [m], acceleration [m/s²] and, if measured, pressure [Pa].
@@ -43,6 +44,7 @@ class Segment:
     noise: tuple[float, ...]
     pressure: Array | None = None
     past: Array = field(default_factory=lambda: np.zeros(0))
+    position_measured: bool = True
 
     @classmethod
     def of(cls, record: Record) -> Segment:
@@ -68,6 +70,7 @@ class Segment:
             noise,
             record.pressure,
             record.past,
+            record.position_measured,
         )
 
     @cached_property
@@ -78,14 +81,15 @@ class Segment:
         return CubicSpline(np.flatnonzero(good) * self.dt, self.acceleration[good])
 
     def measured(self, delay: float = 0.0) -> Array:
-        """Position, acceleration as it was `delay` later [s], and pressure if it was measured, shape (n, m)."""
+        """Position, acceleration as it was `delay` later [s], NaN without, and pressure if measured, shape (n, m)."""
         felt = self.acceleration
         if delay and self._spline is not None:
             time = np.arange(len(felt)) * self.dt + delay
             inside = (time >= 0.0) & (time <= (len(felt) - 1) * self.dt)
             near = np.clip(np.rint(time / self.dt).astype(int), 0, len(felt) - 1)
             felt = np.where(inside & np.isfinite(felt[near]), self._spline(time), np.nan)
-        return np.column_stack([self.position, felt, *(() if self.pressure is None else (self.pressure,))])
+        seen = self.position if self.position_measured else np.full(len(felt), np.nan)
+        return np.column_stack([seen, felt, *(() if self.pressure is None else (self.pressure,))])
 
     @cached_property
     def loudness(self) -> float:

@@ -60,13 +60,15 @@ def summary(path: Path) -> dict[str, Any]:
         "seconds": len(found) * found.sample_time,
         "samples": len(found),
         "rate": 1.0 / found.sample_time,
-        "peak_position": float(np.nanmax(np.abs(found.position))),
         "findings": list(finding_lines(found))[:20],
     }
+    if found.position_measured:
+        entry["peak_position"] = float(np.nanmax(np.abs(found.position)))
     if found.acceleration is not None:
         entry["peak_acceleration"] = float(np.nanmax(np.abs(found.acceleration)))
     if found.reference is not None:
         entry["peak_velocity"] = float(np.nanmax(np.abs(found.reference[:, 1])))
+    if found.reference is not None and found.position_measured:
         entry["error_rms"] = _rms(found.reference[:, 0] - found.position)
     return entry
 

@@ -23,6 +23,7 @@ from shake_ros.quantities import ShakeError
 from shake_ros.recordings.bags import TableRecording
 from shake_ros.recordings.bags.series import broken
 from shake_ros.signals.stretches import clipped, restored, stretches
+from shake_ros.signals.velocity_filter import integrated
 
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -159,10 +160,12 @@ def leaps(position: np.ndarray) -> np.ndarray:
 def even_parts(recording: TableRecording, driven_by: str = "valve_command") -> list[Bridged]:
     """The segments of a recording without leap and longer gap that are long enough to fit, their short gaps filled.
 
-    Their columns are time, command, position and, where they were measured, acceleration and pressure: that of chamber
+    Their columns are time, command and, where they were measured, position, acceleration and pressure: that of chamber
     A less that of chamber B [Pa], NaN where its samples are not there.
     """
-    columns = {"command": getattr(recording, driven_by), "position": recording.position}
+    columns = {"command": getattr(recording, driven_by)}
+    if recording.position_measured:
+        columns["position"] = recording.position
     if recording.acceleration is not None:
         columns["acceleration"] = recording.acceleration
     needed = np.isfinite(np.column_stack(list(columns.values()))).all(axis=1)
@@ -172,7 +175,7 @@ def even_parts(recording: TableRecording, driven_by: str = "valve_command") -> l
     for rows in _joined(recording, needed):
         whole = bridged({"time": recording.time[rows]} | {n: c[rows] for n, c in columns.items()}, SHORT)
         whole = replace(whole, rows=np.where(whole.rows < 0, -1, whole.rows + rows.start))
-        cuts = leaps(whole.values["position"])
+        cuts = leaps(whole.values["position"]) if recording.position_measured else ()
         parts = [whole[a:b] for a, b in zip([0, *cuts], [*cuts, len(whole.filled)], strict=True)]
         found += [part for part in parts if len(part.filled) * recording.sample_time >= SHORTEST]
     return found
@@ -181,7 +184,7 @@ def even_parts(recording: TableRecording, driven_by: str = "valve_command") -> l
 def _joined(recording: TableRecording, measured: Flags) -> list[slice]:
     """Rows of the segments of a recording, those as one between which a few samples are lost and nothing else is."""
     most = max(1, min(SHORT, int(LONGEST_FILLED / recording.sample_time)))
-    time, position = recording.time, recording.position
+    time, position = recording.time, np.nan_to_num(recording.position)
     fast = max((float(np.percentile(np.abs(np.diff(position[s])), FAST)) for s in recording.segments), default=0.0)
     found = list[slice]()
     for span in recording.segments:
@@ -206,7 +209,7 @@ def fit_records(recording: TableRecording, driven_by: str = "valve_command") -> 
     Raises
     ------
     ShakeError : where no part is long enough, samples are too far apart, the driving signal is not there, or it acted
-        nowhere.
+        nowhere; where nothing moves; where a force drives and no position was measured.
     """
     drive = getattr(recording, driven_by)
     if drive is None:
@@ -220,24 +223,35 @@ def fit_records(recording: TableRecording, driven_by: str = "valve_command") -> 
         )
     if not all(np.isfinite(drive[span]).all() for span in recording.segments):
         raise ShakeError(f"{recording.name}: topic {driven_by} holds values that are not finite numbers")
+    measured = recording.position_measured
+    if driven_by == "force" and not measured:
+        raise ShakeError(f"{recording.name}: no position was recorded, which this model needs")
     clip, records = clipped_in(recording), []
     for part in even_parts(recording, driven_by):
-        position, acceleration = part.values["position"], part.values.get("acceleration")
-        if np.ptp(position) == 0.0:
+        acceleration = part.values.get("acceleration")
+        if np.ptp(part.values["position" if measured else "acceleration"]) == 0.0:
             continue  # at rest to the last digit: neither motion nor noise to weigh it by
         if acceleration is not None and np.ptp(acceleration) == 0.0:
             acceleration = None  # a dead channel measures nothing
         command = part.values["command"]
+        if measured:
+            position = part.values["position"]
+        else:
+            position = integrated(part.values["acceleration"], command, recording.sample_time)
         before = float(command[0]) if part.rows[0] != 0 or recording.time[0] > 0.0 else 0.0
         pressure = part.values.get("pressure")
         if pressure is not None and not (np.isfinite(pressure).all() and np.ptp(pressure)):
             pressure = None
+        signals = command, position, acceleration, pressure
         record = Record(
-            recording.name, recording.sample_time, command, position, acceleration, pressure, command_before=before
+            recording.name, recording.sample_time, *signals, command_before=before, position_measured=measured
         )
         records.append(_without_unheard(record, part.filled, (part.rows >= 0) & clip[part.rows]))
-    if not np.ptp(recording.position[np.isfinite(recording.position)]):
-        raise ShakeError(f"{recording.name}: joint_states: the position does not move, nothing to fit")
+    moving = recording.position if measured else recording.acceleration
+    assert moving is not None
+    if not np.ptp(moving[np.isfinite(moving)]):
+        still = "joint_states: the position does not move" if measured else "imu: the acceleration does not change"
+        raise ShakeError(f"{recording.name}: {still}, nothing to fit")
     if not records:
         raise ShakeError(
             f"{recording.name}: no segment of {SHORTEST:g} s without a gap of more than {SHORT} samples or a jump of "
@@ -276,7 +290,8 @@ def finding_lines(recording: TableRecording) -> list[str]:
         )
     if count := int(clipped_in(recording).sum()):
         lines.append(f"{recording.name}: imu: its {count} clipped samples do not count in fits and errors")
-    found = [span.start + k for span in recording.segments for k in leaps(recording.position[span]).tolist()]
+    position = np.nan_to_num(recording.position)
+    found = [span.start + k for span in recording.segments for k in leaps(position[span]).tolist()]
     if found:
         seconds = sum(len(part.filled) for part in used) * recording.sample_time
         lines.append(

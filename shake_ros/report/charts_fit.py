@@ -65,7 +65,9 @@ def residuals(record: Record, runs: Sequence[Array]) -> list[tuple[str, Array, l
     """Channel with unit, what was measured, measured minus simulated of each run; from the first sample compared."""
     span = slice(record.start, None)
     filtered = [filtered_velocity(run[:, 1], record.sample_time) for run in runs]
-    found = [("velocity [m/s]", record.velocity[span], [(record.velocity - v)[span] for v in filtered])]
+    found = list[tuple[str, Array, list[Array]]]()
+    if record.position_measured:
+        found.append(("velocity [m/s]", record.velocity[span], [(record.velocity - v)[span] for v in filtered]))
     if record.acceleration is not None:
         felt = record.acceleration
         found.append(("acceleration [m/s²]", felt[span], [(felt - run[:, 2])[span] for run in runs]))

@@ -144,7 +144,8 @@ def parameters_section(page: Page, models: Mapping[str, FittedModel]) -> None:
 
 def mean_error(errors: Mapping[str, Mapping[str, float]]) -> float:
     """Mean acceleration error over recordings; of the velocity where there is no accelerometer; NaN of none."""
-    return float(np.mean([e.get("acceleration", e["velocity"]) for e in errors.values()])) if errors else math.nan
+    found = [e["acceleration" if "acceleration" in e else "velocity"] for e in errors.values()]
+    return float(np.mean(found)) if found else math.nan
 
 
 def error_meaning(model: FittedModel, role: str = "") -> str:
@@ -290,8 +291,8 @@ def model_sections(
     """Measured against simulated, errors, why each effect was added."""
     tables = result.baseline.table, result.final.table
     bands = histories_section(page, learn, hold, tables, result.model, test=test)
-    felt = f" and {result.noise['acceleration']:.2g} m/s²" if "acceleration" in result.noise else ""
-    noise = f" Sensor noise alone: {result.noise['velocity']:.2g} m/s{felt}."
+    units = {"velocity": "m/s", "acceleration": "m/s²"}
+    noise = f" Sensor noise alone: {' and '.join(f'{result.noise[c]:.2g} {units[c]}' for c in result.noise)}."
     errors_section(page, dict(zip(MODELS, (result.baseline, result.final), strict=True)), bands, MODELS, noise)
     slow_changes_section(page, tables, [*learn, *hold, *test])
     for step, without in zip(result.search.steps, result.search.models, strict=False):

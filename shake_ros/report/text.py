@@ -130,8 +130,8 @@ def parameter_table(parameters: Sequence[Estimate]) -> ResultTable:
 def error_table(models: Mapping[str, FittedModel]) -> ResultTable:
     """Relative errors of free runs by recording, a column for each channel and model."""
     sets = [(role, [getattr(m, role) for m in models.values()]) for role in ROLES]
-    known = any("load_pressure" in error for _, of in sets for errors in of for error in errors.values())
-    channels = CHANNELS if known else CHANNELS[:2]
+    known = {c for _, of in sets for errors in of for error in errors.values() for c in error} or {"velocity"}
+    channels = [c for c in CHANNELS if c in known | {"acceleration"}]
     rows = [
         (name, role, *(errors[name].get(channel) for channel in channels for errors in of))
         for role, of in sets

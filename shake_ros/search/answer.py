@@ -60,7 +60,8 @@ def answer(
     data = search_data(model, estimation, validation or estimation, slow)
     search = SetSearch(data, effects_tried(model, estimation, slow), budget, progress, shown, certain)
     unknown, shaken = model.simulator.nuisances, estimation[0].explained is not None
-    behind = filter_of(estimation[0]) if unknown and not shaken else None
+    apart = unknown and not shaken and estimation[0].position_measured  # else its delay is the command's
+    behind = filter_of(estimation[0]) if apart else None
     begin = beginning(model, behind, pressure_scale(model.table, estimation) if unknown else None)
     models, others, done = list[Scored](), dict[str, list[Scored]](), False
     with failures.step("search"):
@@ -98,7 +99,8 @@ def search_data(
 def beginning(model: ModelStructure, behind: SensorFilter | None, pressure: float | None) -> FreeModel:
     """The model with the effects that show without a search, from which it begins.
 
-    behind : delay and filter of the accelerometer, where these are free: of an unknown table that its command explains.
+    behind : delay and filter of the accelerometer, where these are free: of an unknown table that its command explains
+        and whose position was measured.
     pressure : scale of the pressures measured, where it is free.
     """
     own = [p for p in (*model.free, *model.late) if not is_of_recording(p.name)]

@@ -238,8 +238,9 @@ def _place(recording: TableRecording, window: TwinWindow) -> float:
 
 def _over(twin: Twin, recording: TableRecording) -> Iterator[TwinWindow]:
     """The windows of a recording."""
-    if recording.acceleration is None:
-        raise ShakeError(f"{recording.name}: no topic imu, which the twin needs")
+    if recording.acceleration is None or not recording.position_measured:
+        topic = "imu" if recording.position_measured else "joint_states"
+        raise ShakeError(f"{recording.name}: no topic {topic}, which the twin needs")
     if abs(recording.sample_time / twin.sample_time - 1.0) > SAME_RATE:
         raise ShakeError(
             f"{recording.name}: a sample every {recording.sample_time:g} s, the first recording's "

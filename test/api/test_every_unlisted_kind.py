@@ -45,7 +45,7 @@ from shake_ros.search.unlisted_functions import (
     screen_function,
 )
 from shake_ros.search.verdict import EffectVerdict, verdict_of
-from shake_ros.settings import load_search, load_table, read_yaml
+from shake_ros.settings import load_content, load_search, load_table
 
 STEP, SECONDS = 0.001, 1.2
 LEAN = load_search().replace(converging_evaluations=2, continued_evaluations=4, most_refitted=1)
@@ -138,7 +138,8 @@ def test_unlisted_effect_ends_in_a_whole_report(
     monkeypatch.setattr(closing, "searched", from_declared)
     monkeypatch.setattr(closing, "with_verdicts", kept)
     monkeypatch.setattr(tune_table, "neighbours", lambda table, *_: [table])
-    monkeypatch.setattr(tune_table, "read_yaml", lambda path: {**read_yaml(path), "reference": "pulse"})
+    content, path = load_content("robust_tuning", "default", tune_table.KEYS)
+    monkeypatch.setattr(tune_table, "load_content", lambda *_: ({**content, "reference": "pulse"}, path))
     monkeypatch.setattr(
         opening, "staged_start", lambda m, free, effects, data, _: StartingPoint.declared(m.table, data)
     )

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from closed_loops import bag, command, recording
+from closed_loops import DEAD_BAND, bag, command, recording
 
 from shake_ros import __main__
 from shake_ros.api.model import model
@@ -69,6 +69,20 @@ def test_command_names_the_effect_and_prints_before_and_after() -> None:
     assert float(row[4]) < 0.1 * float(row[3])
     assert "\nWhat remains\n" in done.printed
     assert done.printed.splitlines()[-1] == f"report: {done.out / 'report.html'}"
+
+
+def test_effect_is_named_from_the_acceleration_alone() -> None:
+    done = command("spool_deadband", position=False)
+    assert done.code == 0
+    assert "Missing: spool_deadband." in done.printed
+    assert "learn: no position was measured; the answer is partial" in done.printed
+    report = json.loads((done.out / "report.json").read_text(encoding="utf-8"))
+    (effect,) = report["steps"]
+    assert effect["parameters"]["effects.spool_deadband.width"]["value"] == pytest.approx(DEAD_BAND, rel=0.05)
+    assert set(report["noise"]) == {"acceleration"}
+    error = report["final"]["error"]["hold"]["hold"]
+    assert set(error) == {"acceleration"}
+    assert error["acceleration"] < 0.05
 
 
 def test_command_says_that_nothing_is_missing() -> None:

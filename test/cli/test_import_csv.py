@@ -30,6 +30,17 @@ def test_columns_are_read_by_name_and_scaled_to_si(tmp_path):
     assert recording.sample_time == 0.01
 
 
+def test_an_acceleration_may_stand_in_for_the_position(tmp_path, capsys):
+    recording = run(tmp_path, TABLE, columns="--time t --command u --acceleration a")
+    assert not recording.position_measured
+    assert "joint_states" not in recording.provenance.topics
+    assert recording.segments == (slice(0, 5),)
+    assert recording.sample_time == 0.01
+    assert np.allclose(recording.valve_command, 0.1 * np.arange(5), rtol=1e-15)
+    assert np.array_equal(recording.acceleration, np.arange(5) + 0.5)
+    assert "no position was recorded" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     "text",
     [
@@ -87,6 +98,7 @@ def test_empty_cells_end_a_segment(tmp_path, capsys):
         ("", "--time t --command u --position x_mm", "is empty"),
         ("Dear reader", "--time t --command u --position x_mm", "no rows of numbers"),
         (TABLE + "0.05,1", "--time t --command u --position x_mm", "line 7 has 2 columns, 3 are needed"),
+        (TABLE, "--time t --command u --force a", "--position or --acceleration is needed"),
     ],
 )
 def test_mistakes_are_one_line_and_leave_nothing_behind(tmp_path, text, columns, words):
@@ -223,7 +235,7 @@ def test_the_time_of_a_second_file_may_be_that_of_the_first(tmp_path):
         ("noise", "--time t --command u --position x", "imu.csv: its acceleration does not relate its clock"),
         ("sine", "--time t --command u --position s", "periodic motion"),
         ("noise", "--time t --command u --position x --acceleration x", "the acceleration is in the first file"),
-        ("noise", "--time t --command u", "--position is needed"),
+        ("noise", "--time t --command u", "without a position the clock of .*imu.csv cannot be related to it"),
     ],
 )
 def test_files_that_cannot_be_put_together_are_refused_in_a_line(tmp_path, second, columns, words):

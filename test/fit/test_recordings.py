@@ -15,7 +15,7 @@ from shake_ros.fit.records import FULL, SETTLE, Record, relative_error, windows
 from shake_ros.physics.plant.simulation import run
 from shake_ros.physics.plant.states import FILM
 from shake_ros.settings import load_table
-from shake_ros.signals.velocity_filter import derivative, filtered_velocity, low_pass
+from shake_ros.signals.velocity_filter import derivative, filtered_velocity, integrated, low_pass
 
 TIME = np.arange(5000) * 0.001
 SENSOR = math.hypot(POSITION_NOISE, POSITION_STEP / math.sqrt(12.0))
@@ -148,6 +148,19 @@ def test_velocity_and_acceleration_of_one_instant_share_a_block_of_time() -> Non
     assert np.max(sizes) <= 2 * round(BLOCK / SAMPLE_TIME)
     assert set(sizes[: len(sizes) // 2 - 1]) == {np.max(sizes)}
     assert not set(blocks[: 2 * n]) & set(blocks[2 * n :])
+
+
+def test_recording_without_a_position_is_fitted_on_its_acceleration() -> None:
+    declared, _ = declared_fit("nothing")
+    whole = recording("nothing", 2, "b")
+    assert whole.acceleration is not None
+    position = integrated(whole.acceleration, whole.commands, SAMPLE_TIME)
+    given = "b", SAMPLE_TIME, whole.commands, position, whole.acceleration
+    problem = RecordingProblem([Record(*given, position_measured=False)])
+    residuals = problem.residuals(declared.free.vectors(declared.x))[0]
+    assert len(residuals) == len(whole.commands) - whole.start == len(problem.blocks()) == problem.count
+    assert float(np.mean(residuals**2)) == pytest.approx(problem.noise_cost(), rel=0.35)
+    assert set(problem.errors(declared.vector)["b"]) == set(problem.noise()) == {"acceleration"}
 
 
 def test_recording_without_accelerometer_is_fitted_on_its_velocity() -> None:

@@ -60,6 +60,20 @@ def test_recording_without_accelerometer_gives_a_record_without_it(tmp_path: Pat
     assert record.acceleration is None
 
 
+def test_recording_without_a_position_gives_a_record_of_its_acceleration(tmp_path: Path) -> None:
+    felt = 0.3 - 0.05 * (4.0 * np.pi) ** 2 * np.sin(ANGLE)  # a bias, which would move the table by 2.4 m
+    (record,), findings = records_and_findings([bag(tmp_path / "run", position=None, acceleration=felt)])
+    assert not record.position_measured
+    assert record.acceleration == pytest.approx(felt)
+    assert record.position[1000:-1000] == pytest.approx(0.05 * np.sin(ANGLE)[1000:-1000], abs=4e-3)
+    assert np.isnan(record.motion[:, 0]).all()
+    assert findings == ["run: no position was recorded; fits compare the acceleration alone"]
+    with pytest.raises(ShakeError, match="run: no position was recorded, which this model needs"):
+        sr.read(bag(tmp_path / "axis" / "run", position=None, force=felt)).records("force")
+    with pytest.raises(ShakeError, match="run: imu: the acceleration does not change"):
+        sr.read(bag(tmp_path / "still" / "run", position=None, acceleration=np.zeros(len(TIME)))).records()
+
+
 def test_clipped_acceleration_is_left_out_and_reported(tmp_path: Path) -> None:
     whole = -0.05 * (4.0 * np.pi) ** 2 * np.sin(ANGLE)
     (record,), findings = records_and_findings([bag(tmp_path / "run", acceleration=np.clip(whole, -5.0, 5.0))])

@@ -160,8 +160,9 @@ def test_too_little_motion_is_one_line() -> None:
         follow(recording("run", TRUTH, 3.0, 4), TABLE, progress=False)
 
 
-def test_a_recording_without_accelerometer_is_refused() -> None:
+@pytest.mark.parametrize(("topic", "sensor"), [("imu", "position"), ("joint_states", "acceleration")])
+def test_a_recording_without_one_of_the_sensors_is_refused(topic: str, sensor: str) -> None:
     at = np.arange(3000) * 1e-3
-    run = sr.recording("run", at, np.sin(at), 0.01 * np.cos(at))
-    with pytest.raises(ShakeError, match="run: no topic imu"):
+    run = sr.recording("run", at, np.sin(at), **{sensor: 0.01 * np.cos(at)})
+    with pytest.raises(ShakeError, match=f"run: no topic {topic}"):
         follow(run, TABLE, progress=False)

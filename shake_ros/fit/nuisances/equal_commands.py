@@ -129,14 +129,14 @@ def process_noise(problems: Sequence[RecordingProblem], vector: np.ndarray, leas
     for pair in pairs:
         (p, k), (other, j) = records[pair.first], records[pair.second]
         here, there = _weighted(p, k, vector), _weighted(other, j, vector)
-        channels = min(len(here), len(there))
+        channels = [channel for channel in here if channel in there]
         squares = np.zeros(pair.here.stop - pair.here.start)
-        for (a, _), (b, _) in zip(here[:channels], there[:channels], strict=True):
-            change = a[pair.here] - b[pair.there]
+        for channel in channels:
+            change = here[channel][0][pair.here] - there[channel][0][pair.there]
             squares += 0.5 * (change - np.mean(change)) ** 2
         count = max(len(squares) // max(round(BLOCK / p.records[k].sample_time), 1), 1)
         differing += [float(np.mean(block)) for block in np.array_split(squares, count)]
-        noise += [sum(alone for _, alone in here[:channels])] * count
+        noise += [sum(here[channel][1] for channel in channels)] * count
     if len(differing) < 3:
         return None
     scatter = float(np.std(differing, ddof=1)) / math.sqrt(len(differing))
@@ -144,15 +144,18 @@ def process_noise(problems: Sequence[RecordingProblem], vector: np.ndarray, leas
     return float(np.mean(differing) / np.mean(noise)) if shown else None
 
 
-def _weighted(problem: RecordingProblem, number: int, vector: np.ndarray) -> list[tuple[Floats, float]]:
+def _weighted(problem: RecordingProblem, number: int, vector: np.ndarray) -> dict[str, tuple[Floats, float]]:
     """Weighted residuals of one record by channel, with the mean square that sensor noise leaves of each."""
     record = problem.records[number]
     velocity, acceleration = problem.simulate(vector[None, :], record)
     w_v, w_a = problem.velocity_weights[number], problem.acceleration_weights[number]
-    found = [(w_v * (record.velocity - velocity[0])[record.start :], (w_v * sensor_noise(record, "velocity")) ** 2)]
+    found = dict[str, tuple[Floats, float]]()
+    if record.position_measured:
+        left = w_v * (record.velocity - velocity[0])[record.start :]
+        found["velocity"] = left, (w_v * sensor_noise(record, "velocity")) ** 2
     if record.acceleration is not None:
         left = w_a * record.acceleration_left(acceleration[0])
-        found.append((left, (w_a * sensor_noise(record, "acceleration")) ** 2))
+        found["acceleration"] = left, (w_a * sensor_noise(record, "acceleration")) ** 2
     return found
 
 

@@ -177,6 +177,11 @@ def check_travel(records: Sequence[Record]) -> None:
     """ShakeError where a table travels farther than any does: then its position is in another unit."""
     for record in records:
         travel = float(np.ptp(record.position))
+        if travel > FARTHEST and not record.position_measured:
+            raise ShakeError(
+                f"{record.name}: the acceleration moves the table by {travel:.4g} m, farther than any table: in mm/s²? "
+                "Import it again with --acceleration 'COL*0.001'"
+            )
         if travel > FARTHEST:
             raise ShakeError(
                 f"{record.name}: the position travels {travel:.4g} m, farther than any table: in millimetres? Import "

@@ -123,7 +123,7 @@ def between_sensors(records: Sequence[Record]) -> Lines:
     lines, values, weights = [], [], []
     for record in records:
         seconds = len(record.position) * record.sample_time
-        if record.acceleration is None or seconds < 4.0 * SHORTEST * record.sample_time:
+        if record.acceleration is None or not record.position_measured or seconds < 4.0 * SHORTEST * record.sample_time:
             continue
         window = max(min(WINDOW, 0.4 * seconds), SHORTEST * record.sample_time)
         found = frequency_response(record.position, record.acceleration, record.sample_time, window)

@@ -205,7 +205,7 @@ def within_stroke(records: Sequence[Record], stroke: float) -> tuple[list[Record
     names = dict.fromkeys(r.name for r in records)
     for record in records:
         at = np.abs(record.position) >= (0.5 - NEAR) * stroke
-        if not at.any():
+        if not (at.any() and record.position_measured):
             found.append(record)
             continue
         said[record.name] = max(said.get(record.name, 0.0), float(np.max(np.abs(record.position))))
@@ -221,6 +221,17 @@ def within_stroke(records: Sequence[Record], stroke: float) -> tuple[list[Record
         line = next(line for line in lines if line.startswith(f"{lost[0]}: "))
         raise ShakeError(f"{line}: is the stroke (body.stroke), or the zero of the position, right?")
     return found, tuple(lines)
+
+
+def unmeasured_positions(records: Sequence[Record]) -> tuple[str, ...]:
+    """A line on the recordings without a position; nothing where all have one."""
+    names = ", ".join(dict.fromkeys(r.name for r in records if not r.position_measured))
+    if not names:
+        return ()
+    return (
+        f"{names}: no position was measured; the answer is partial: slow motion, offsets, and scale and lag of the "
+        "sensors are not judged",
+    )
 
 
 def usable_pressures(records: Sequence[Record], table: TableParameters | None) -> tuple[list[Record], tuple[str, ...]]:

@@ -193,9 +193,9 @@ class ClockShift:
         return np.where(stamps > 0, moved, stamps)
 
 
-def shifts(raw: dict[str, Series], findings: list[Finding]) -> dict[str, ClockShift]:
-    """The shift of every signal that is on another clock than the positions."""
-    position = raw["joint_states"]
+def shifts(raw: dict[str, Series], base: str, findings: list[Finding]) -> dict[str, ClockShift]:
+    """The shift of every signal that is on another clock than the positions, or another time base."""
+    position = raw[base]
     position = position[position.stamps > 0]
     position = position[np.argsort(position.received, kind="stable")]
     if len(position) < 2:
@@ -203,7 +203,7 @@ def shifts(raw: dict[str, Series], findings: list[Finding]) -> dict[str, ClockSh
     found = {}
     for name, series in raw.items():
         stamped = series[series.stamps > 0]
-        if name != "joint_states" and len(stamped) > 1:
+        if name != base and len(stamped) > 1:
             shift = _shift(name, stamped, position, findings)
             if shift is not None:
                 found[name] = shift
@@ -342,7 +342,7 @@ def sizes(signals: dict[str, Floats], topics: dict[str, str], grid: Grid, findin
             text = f"reaches {largest:.6g} {expected.unit}: {hint}"
             findings.append(Finding("unit", topics[name], 1, text))
         _flat(values, topics[name], grid, findings)
-    if "imu" in signals:
+    if "imu" in signals and "joint_states" in signals:
         _acceleration_scale(signals["joint_states"], signals["imu"], topics["imu"], grid, findings)
 
 

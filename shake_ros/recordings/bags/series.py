@@ -184,7 +184,7 @@ def choose_topic(bag: Bag, signal: Signal, required: bool = False, chosen: str =
         cannot be used (the reason is given).
     """
     name, kind = signal.name, signal.type
-    found = [bag.topics[chosen]] if chosen in bag.topics else [] if chosen else _candidates(bag, signal)
+    found = [bag.topics[chosen]] if chosen in bag.topics else [] if chosen else topics_of(bag, signal)
     if len(found) > 1:
         both = " and ".join(sorted(topic.name for topic in found))
         raise ShakeError(
@@ -210,7 +210,7 @@ def choose_topic(bag: Bag, signal: Signal, required: bool = False, chosen: str =
     return topic
 
 
-def _candidates(bag: Bag, signal: Signal) -> list[BagTopic]:
+def topics_of(bag: Bag, signal: Signal) -> list[BagTopic]:
     """Topics that end in the signal's name, those with messages before those without; of one sensor the preferred."""
     best: dict[str, tuple[int, BagTopic]] = {}
     for topic in bag.topics.values():

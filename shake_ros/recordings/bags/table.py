@@ -7,6 +7,7 @@ change is reported at once, so the reports in the order of their receipt apply t
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -28,12 +29,14 @@ from shake_ros.recordings.bags.series import (
     in_order,
     require,
     same_type,
+    topics_of,
     with_acceleration,
 )
 from shake_ros.signals.stretches import stretches
 
-REQUIRED = ("joint_states", "valve_command")
 SHORTEST_SEGMENT = 2
+MOTION = {"joint_states": "position", "imu": "acceleration"}  # signals whose stamps may be the time base
+NO_POSITION = "no position was recorded; fits compare the acceleration alone"
 
 
 @dataclass(frozen=True)
@@ -47,15 +50,18 @@ class Provenance:
 
 @dataclass(frozen=True)
 class TableRecording:
-    """Samples of a table at the stamps of its position sensor; None for a signal that was not recorded."""
+    """Samples of a table at the stamps of its position sensor, or of its accelerometer where it has no other.
+
+    None for a signal that was not recorded, but for the position.
+    """
 
     name: str  # the recording's (its folder's)
     time: Floats  # (n,) from the first stamp [s]
     sample_time: float  # mean distance of neighbouring samples [s]
     valve_command: Floats  # (n,) acting from each sample until the next [-]; NaN where it is not known
-    position: Floats  # (n,) [m]
+    position: Floats  # (n,) [m]; NaN where it was not measured
     acceleration: Floats | None  # (n,) [m/s²]
-    # without a gap, in which command, position and (where there is one) acceleration are finite, and the command acted
+    # without a gap, in which the command and what there is of position and acceleration are finite, and the command acted
     segments: tuple[slice, ...]
     provenance: Provenance
     findings: tuple[Finding, ...] = ()  # what was not as it should be
@@ -99,6 +105,11 @@ class TableRecording:
         if self.pressure_load is not None or self.pressure_a is None or self.pressure_b is None:
             return self.pressure_load
         return self.pressure_a - self.pressure_b
+
+    @property
+    def position_measured(self) -> bool:
+        """Whether the position was recorded."""
+        return bool(np.isfinite(self.position).any())
 
     @property
     def longest(self) -> TableRecording:
@@ -221,9 +232,12 @@ def read_table_recording(path: Path | str, take: Take | None = None) -> TableRec
 def _collectors(bag: Bag, chosen: dict[str, Choice]) -> dict[str, Collector]:
     """What takes the messages of each signal that the recording holds; the required ones first."""
     collectors = {}
-    for name in (*REQUIRED, *(name for name in SIGNALS if name not in REQUIRED)):
+    blind = "joint_states" not in chosen and not topics_of(bag, SIGNALS["joint_states"])
+    felt = any(topic.count for topic in topics_of(bag, SIGNALS["imu"]))
+    required = "imu" if blind and felt else "joint_states", "valve_command"
+    for name in (*required, *(name for name in SIGNALS if name not in required)):
         choice = chosen.get(name, Choice())
-        topic = choose_topic(bag, SIGNALS[name], name in REQUIRED, choice.topic)
+        topic = choose_topic(bag, SIGNALS[name], name in required, choice.topic)
         if topic is not None:
             collectors[name] = Collector(SIGNALS[name], topic.name, choice.joint)
     return collectors
@@ -237,22 +251,26 @@ def _taken(bag: Bag, collectors: dict[str, Collector], chosen: dict[str, Choice]
         if name == "imu":
             series = with_acceleration(series, bag.findings)
         new[name] = of_the_table(collector, series, chosen.get(name, Choice()), bag.path, bag.findings)
-    for name, shift in shifts(new, bag.findings).items():
+    for name, shift in shifts(new, time_base(new), bag.findings).items():
         new[name] = replace(new[name], stamps=shift.taken_off(new[name].stamps))
     return new
+
+
+def time_base(signals: Mapping[str, Any]) -> str:
+    """The signal whose stamps are the time base: the position, or the acceleration where there is none."""
+    return "joint_states" if "joint_states" in signals else "imu"
 
 
 def _assemble(bag: Bag, raw: dict[str, Series], acting: Acting) -> TableRecording:
     findings: list[Finding] = []
     ordered, grid = _ordered(bag, raw, findings)
-    topics = {name: series.topic for name, series in ordered.items()}
-    main = {
-        "valve_command": hold(ordered["valve_command"], grid, findings),
-        "joint_states": ordered["joint_states"].values[:, 0],
-    }
+    topics, base = {name: series.topic for name, series in ordered.items()}, time_base(ordered)
+    main = {"valve_command": hold(ordered["valve_command"], grid, findings), base: ordered[base].values[:, 0]}
+    if base == "imu":
+        findings.append(Finding("absent", "", 0, NO_POSITION))
     others: dict[str, Floats | None] = dict.fromkeys(ARRAYS)
     for name, series in ordered.items():
-        if name in REQUIRED:
+        if name in main:
             continue
         values = matched(series, grid, findings)
         if values is not None and name == "imu":
@@ -261,17 +279,17 @@ def _assemble(bag: Bag, raw: dict[str, Series], acting: Acting) -> TableRecordin
             others[name] = values if values.shape[1] > 1 else values[:, 0]
     align.not_a_number(main, topics, grid, findings)
     align.sizes(main | {n: v for n, v in others.items() if v is not None}, topics, grid, findings)
-    acts = acting.usable(ordered["joint_states"].received, grid, topics["valve_command"], findings)
+    acts = acting.usable(ordered[base].received, grid, topics["valve_command"], findings)
     segments = _segments(grid, list(main.values()), acts)
     if not segments:
         text = "; ".join(str(finding) for finding in findings[:3])
-        raise ShakeError(f"{bag.path}: no segment in which command and position are both known ({text})")
+        raise ShakeError(f"{bag.path}: no segment in which command and {MOTION[base]} are both known ({text})")
     return TableRecording(
         name=_name(bag.path),
         time=grid.time,
         sample_time=grid.sample_time,
         valve_command=main["valve_command"],
-        position=main["joint_states"],
+        position=main.get("joint_states", np.full(len(grid.stamps), np.nan)),
         acceleration=main.get("imu"),
         segments=segments,
         provenance=Provenance(topics, int(grid.stamps[0]), bag.complete),
@@ -282,16 +300,19 @@ def _assemble(bag: Bag, raw: dict[str, Series], acting: Acting) -> TableRecordin
 
 def _ordered(bag: Bag, raw: dict[str, Series], findings: list[Finding]) -> tuple[dict[str, Series], Grid]:
     """Every series in the order of its stamps, and the time base; commands and positions must be there."""
-    position = in_order(raw["joint_states"], findings)
+    base = time_base(raw)
+    position = in_order(raw[base], findings)
     require(position, bag.path, findings)
     grid = Grid.of(position, findings)
-    ordered = {"joint_states": position}
+    ordered = {base: position}
     for name, series in raw.items():
-        if name != "joint_states":
+        if name != base:
             ordered[name] = in_order(_within(series, position, grid), findings)
     command = ordered["valve_command"]
     if not len(command):
-        raise ShakeError(f"{bag.path}: topic '{command.topic}' has no stamped sample in the time of the positions")
+        raise ShakeError(
+            f"{bag.path}: topic '{command.topic}' has no stamped sample in the time of the {MOTION[base]}s"
+        )
     return ordered, grid
 
 

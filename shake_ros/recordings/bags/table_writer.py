@@ -24,7 +24,7 @@ def write_table_recording(
     path: Path | str,
     time: npt.ArrayLike,
     valve_command: npt.ArrayLike | None,
-    position: npt.ArrayLike,
+    position: npt.ArrayLike | None,
     acceleration: npt.ArrayLike | None = None,
     *,
     pressure_a: npt.ArrayLike | None = None,
@@ -47,8 +47,7 @@ def write_table_recording(
     path : folder to make.
     time : (n,) rising [s]; its first value is stamped `first_stamp`.
     valve_command : (n,) acting from each sample until the next [-].
-    position : (n,) [m].
-    acceleration : (n,) [m/s²].
+    position : (n,) [m]. acceleration : (n,) [m/s²]. One of them may be None.
     pressure_a, pressure_b, pressure_supply : (n,) absolute [Pa]. pressure_load : (n,) of A less that of B [Pa].
     force : (n,) [N].
     reference, estimate, truth : (n, 3) position, velocity, acceleration in SI units.
@@ -58,7 +57,8 @@ def write_table_recording(
     Raises
     ------
     ShakeError
-        where lengths differ, time does not rise, or the folder exists and `overwrite` is false.
+        where lengths differ, time does not rise, neither position nor acceleration is there, or the folder exists and
+        `overwrite` is false.
     """
     given = {
         "valve_command": valve_command,
@@ -73,6 +73,8 @@ def write_table_recording(
         "estimate": estimate,
         "truth": truth,
     }
+    if position is None and acceleration is None:
+        raise ShakeError(f"{path}: neither a position nor an acceleration: nothing shows how the table moves")
     seconds = np.asarray(time, dtype=np.float64)
     signals = _checked(path, seconds, given)
     stamps = np.rint((seconds - seconds[0]) * 1e9).astype(np.int64) + first_stamp

@@ -119,7 +119,8 @@ def _arguments(
     else:
         words += ["--rate", "HZ"]
     for kind in ("command", "position"):
-        words += [f"--{kind}", _text(table, places[chosen[kind]]) if kind in chosen else "COLUMN"]
+        if kind == "command" or kind in chosen or "acceleration" not in chosen:
+            words += [f"--{kind}", _text(table, places[chosen[kind]]) if kind in chosen else "COLUMN"]
     for kind in ("acceleration", "force"):
         words += [f"--{kind}", _text(table, places[chosen[kind]])] if kind in chosen else []
     return rate, (*words, "--out", table.path.stem)
