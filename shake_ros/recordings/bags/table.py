@@ -61,7 +61,7 @@ class TableRecording:
     valve_command: Floats  # (n,) acting from each sample until the next [-]; NaN where it is not known
     position: Floats  # (n,) [m]; NaN where it was not measured
     acceleration: Floats | None  # (n,) [m/s²]
-    # without a gap, in which the command and what there is of position and acceleration are finite, and the command acted
+    # without a gap, in which the command acted, and it and what there is of position and acceleration are finite
     segments: tuple[slice, ...]
     provenance: Provenance
     findings: tuple[Finding, ...] = ()  # what was not as it should be
