@@ -159,8 +159,9 @@ def test_recording_without_a_position_is_fitted_on_its_acceleration() -> None:
     problem = RecordingProblem([Record(*given, position_measured=False)])
     residuals = problem.residuals(declared.free.vectors(declared.x))[0]
     assert len(residuals) == len(whole.commands) - whole.start == len(problem.blocks()) == problem.count
-    assert float(np.mean(residuals**2)) == pytest.approx(problem.noise_cost(), rel=0.35)
-    assert set(problem.errors(declared.vector)["b"]) == set(problem.noise()) == {"acceleration"}
+    errors = problem.errors(declared.vector)["b"]
+    assert set(errors) == set(problem.noise()) == {"acceleration"}
+    assert errors["acceleration"] < 0.03
 
 
 def test_recording_without_accelerometer_is_fitted_on_its_velocity() -> None:
