@@ -191,11 +191,8 @@ class Discovery(fitted.FittedResult):
         if not second:
             first, second = _halves(first)
         data = replace(data, estimation=[*self.estimation, *first], validation=[*self.validation, *second])
-        structure, failures = (
-            model_structure(StartingPoint.declared(self.closed.baseline.table, data), declared),
-            Failures(),
-        )
-        structure = replace(structure, free=self.closed.search.declared.fit.free.free)
+        begin, failures = StartingPoint.declared(self.closed.baseline.table, data), Failures()
+        structure = replace(model_structure(begin, declared), free=self.closed.search.declared.fit.free.free)
         with Progress("close_loop", progress) as bar, Ending(bar, minutes) as ending:
             settings = search_settings(declared)
             sets = data.estimation, data.validation

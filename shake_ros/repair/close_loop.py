@@ -155,9 +155,9 @@ def judged(
     Free runs judge a model with backlash all the same: no predictor follows its contacts.
     shown : effects that the recordings show without a model.
     """
-    judge = problem.on_predictor_runs(found.final.fit)
-    if judge is problem or any(step.chosen.candidate.narrow for step in found.steps):
+    if problem.predictor_rate <= 0.0 or any(step.chosen.candidate.narrow for step in found.steps):
         return with_verdicts(problem, found, shown)
+    judge = problem.on_predictor_runs(found.final.fit)
     found, verdicts, dropped = with_verdicts(judge, found.on(judge.again, judge.again), shown)
     return found.on(problem.again, problem.again), verdicts, dropped
 
