@@ -113,6 +113,11 @@ def test_unknown_changes_list_what_there_is():
         study({"sed": 3})
 
 
+def test_a_list_in_the_place_of_the_one_value_of_every_row_is_refused():
+    with pytest.raises(ShakeError, match=r"size: \[5\] is a list"):
+        study({"size": [5]}, same={"size": 5}, rows=[{"seed": [1]}])
+
+
 @pytest.mark.parametrize("path", sorted((config_folder() / "studies").glob("*.yaml")), ids=lambda path: path.stem)
 def test_every_study_of_the_package_can_be_read(path):
     assert next(load_study(path.stem).rows())

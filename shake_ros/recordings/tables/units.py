@@ -19,6 +19,7 @@ SUFFIX = re.compile(r".*[^\d\s_.][_\s.]+([^\W\d_]\S*|%g?)$")  # "x_mm", "Time ms
 MANGLED = re.compile(r"_([a-z]{1,2})_(s2?)$")  # "Acc_m_s2_", as MATLAB makes of "Acc (m/s2)"
 ALLOWED = re.compile(r"(?=.*[^\W\d]|.*%)[\w%°/*^.() -]+")
 SPELLINGS = (
+    (re.compile(r"\bg['’]?s\b"), "g"),
     (re.compile(r"%\s*g\b", re.IGNORECASE), "percent*g"),
     (re.compile(r"%"), "percent"),
     (re.compile(r"°"), "deg"),
@@ -81,8 +82,8 @@ def registry() -> pint.UnitRegistry[float]:
 def parse_unit(text: str) -> Unit | None:
     """A text that is a unit and nothing else; None where it is none.
 
-    >>> [(u.quantity, u.factor) for u in map(parse_unit, ("ms", "µm", "mg", "cm/sec/sec")) if u]
-    [('time', 0.001), ('position', 1e-06), ('acceleration', 0.00980665), ('acceleration', 0.01)]
+    >>> [(u.quantity, u.factor) for u in map(parse_unit, ("ms", "µm", "g's", "cm/sec/sec")) if u]
+    [('time', 0.001), ('position', 1e-06), ('acceleration', 9.80665), ('acceleration', 0.01)]
     >>> parse_unit("Valve") is None, parse_unit("42") is None
     (True, True)
     """
