@@ -11,6 +11,7 @@ import numpy as np
 from shake_ros.api.read import Recordings
 from shake_ros.declared import MODELS, declared_table, effect_candidates, free_parameters, leaves_open, unknown_model
 from shake_ros.fit.axis_model import AXIS, with_slow_changes
+from shake_ros.fit.free_parameters import FreeParameter
 from shake_ros.fit.nuisances.prepared import Prepared, prepared
 from shake_ros.fit.records import DeclaredModel, Record
 from shake_ros.fit.start.data_checks import contradictions, unmeasured_positions, usable_pressures, within_stroke
@@ -21,7 +22,6 @@ from shake_ros.fit.start.unknown_model import UnknownModel
 from shake_ros.physics.plant.parameters import FULL_LAYOUT, TableParameters
 from shake_ros.quantities import ShakeError, unknown_name
 from shake_ros.report.result_table import ResultTable
-from shake_ros.search.candidate_effects import CandidateEffect
 
 
 @dataclass(frozen=True, repr=False)
@@ -93,8 +93,8 @@ class Model:
             both = with_slow_changes(estimation, validation) if declared is AXIS else (estimation, validation)
             return StartingPoint.declared(self.start(estimation), Prepared(*both, 1.0, (), stops=stops))
 
-        def effects(table: TableParameters) -> dict[str, CandidateEffect]:
-            return {c.effect: c for c in effect_candidates(declared, table, estimation)}
+        def effects(table: TableParameters) -> dict[str, tuple[FreeParameter, ...]]:
+            return {c.effect: c.free for c in effect_candidates(declared, table, estimation)}
 
         data = replace(in_time(prepared(estimation, validation)), stops=stops)
         return staged_start(declared, free_parameters(declared), effects, data, progress)

@@ -27,7 +27,7 @@ from shake_ros.search.problem import ModelStructure, Progress, ScoredFit, Search
 from shake_ros.search.refined_nodes import refined_function
 from shake_ros.search.search_settings import SearchSettings
 from shake_ros.search.second_quantities import function_of_two, with_second_quantity
-from shake_ros.search.selection import GivenAnswer, Selection, better_beginning, selection_of
+from shake_ros.search.selection import GivenAnswer, Selection, selection_of
 from shake_ros.search.unlisted_functions import best_function, leaves_far_less, near_noise
 from shake_ros.search.verdict import EffectVerdict, with_verdicts
 
@@ -113,17 +113,18 @@ def searched(
         known = NuisanceEstimates(given.behind)
         behind = begun.with_nuisances(known)
         with within_budget(deadline_passed):  # what the search has found is fitted even where it was stopped
-            return behind, replace(selection_of(behind, model, given), nuisances=known)
+            models = behind, replace(selection_of(behind, model, given), nuisances=known)
+        with failures.step("nuisance parameters"):
+            models = with_nuisances(*models)
+        return models
+
+    def left(fitted: tuple[SearchProblem, Selection]) -> float:
+        return fitted[1].final.validation_cost / fitted[0].validation.noise_cost()
 
     given = search(slow=False)
     problem, found = fitted(given)
-    if (better := better_beginning(begun, model, found)) is not None:
-        problem, found = fitted(better)
     if given.predicted and not (budget.over() or near_noise(problem, found.final)):
-        other = fitted(search(slow=True))
-        problem, found = min((problem, found), other, key=lambda f: f[1].final.validation_cost)
-    with failures.step("nuisance parameters"):
-        problem, found = with_nuisances(problem, found)
+        problem, found = min((problem, found), fitted(search(slow=True)), key=left)
     with failures.step("search for an unlisted effect"), contextlib.suppress(Stopped):
         found = with_function(replace(problem, progress=progress), found)
     with failures.step("search beside process noise"):

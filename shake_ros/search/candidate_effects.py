@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping
 from dataclasses import Field, dataclass, field, replace
 from typing import Any
@@ -10,9 +9,9 @@ from typing import Any
 from shake_ros.fit.free_parameters import FreeParameter, free_parameter
 from shake_ros.physics.effects import EFFECTS
 from shake_ros.physics.plant.parameters import FIELDS, TableParameters
-from shake_ros.quantities import ShakeError, strict_keys
+from shake_ros.quantities import ShakeError, shown, strict_keys
 
-OPTIONAL = {"usual", "together", "where_far", "narrow"}
+OPTIONAL = {"usual", "narrow"}
 
 
 @dataclass(frozen=True)
@@ -21,9 +20,7 @@ class CandidateEffect:
 
     effect : its name. free : the parameters a refit frees. trials : values by dotted name, the strength first.
     place, depends_on : where it acts and on what. usual : values met on real tables by dotted name.
-    together : values from which it takes part in a fit with many effects at once; empty where it does not.
-    where_far : the same where that fit stays far from the noise.
-    narrow : values from the best of which a fit of its own sets out, where its valley is hardly met otherwise.
+    narrow : whether its valley is so narrow that a fit of free runs comes to it by slow motion first.
     """
 
     effect: str
@@ -32,9 +29,7 @@ class CandidateEffect:
     place: str
     depends_on: tuple[str, ...]
     usual: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    together: Mapping[str, float] = field(default_factory=dict)
-    where_far: Mapping[str, float] = field(default_factory=dict)
-    narrow: tuple[Mapping[str, float], ...] = ()
+    narrow: bool = False
 
     @property
     def strength(self) -> FreeParameter:
@@ -74,27 +69,12 @@ def candidates(
         except (AttributeError, TypeError, ValueError):
             raise ShakeError(f"{where}: {effect}: usual: needs [low, high] for each name") from None
         strict_keys(usual, own, where)
-        together, where_far = (
-            {prefix + name: float(v) for name, v in entry.get(key, {}).items()} for key in ("together", "where_far")
-        )
-        strict_keys({**together, **where_far}, own, where)
-        narrow = _each_with_each(prefix, entry.get("narrow", {}), f"{where}: {effect}: narrow")
-        for point in narrow[:1]:
-            strict_keys(point, own, where)
+        narrow = entry.get("narrow", False)
+        if not isinstance(narrow, bool):
+            raise ShakeError(f"{where}: {effect}: narrow: {shown(narrow)} is neither true nor false")
         kind = EFFECTS[effect]
-        result.append(
-            CandidateEffect(effect, free, trials, kind.place, kind.depends_on, usual, together, where_far, narrow)
-        )
+        result.append(CandidateEffect(effect, free, trials, kind.place, kind.depends_on, usual, narrow))
     return tuple(result)
-
-
-def _each_with_each(prefix: str, content: Any, where: str) -> tuple[Mapping[str, float], ...]:
-    """Each of some values of a parameter with each of those of the others; none where there is no parameter."""
-    try:
-        values = {prefix + name: [float(v) for v in given] for name, given in content.items()}
-    except (AttributeError, TypeError, ValueError):
-        raise ShakeError(f"{where}: needs a list of numbers for each name") from None
-    return tuple(dict(zip(values, point, strict=True)) for point in itertools.product(*values.values()) if values)
 
 
 def scaled(candidate: CandidateEffect, table: TableParameters, reference: TableParameters) -> CandidateEffect:
@@ -124,9 +104,4 @@ def scaled(candidate: CandidateEffect, table: TableParameters, reference: TableP
         limits = {name: FIELDS[name].metadata for name in trial}
         return {n: min(max(factor(m["unit"]) * trial[n], m["low"]), m["high"]) for n, m in limits.items()}
 
-    return replace(
-        candidate,
-        free=tuple(map(fitting, candidate.free)),
-        trials=tuple(map(tried, candidate.trials)),
-        narrow=tuple(map(tried, candidate.narrow)),
-    )
+    return replace(candidate, free=tuple(map(fitting, candidate.free)), trials=tuple(map(tried, candidate.trials)))

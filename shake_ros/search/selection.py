@@ -20,7 +20,7 @@ from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.search.candidate_effects import CandidateEffect
 from shake_ros.search.decision import ForwardStep, Refit, absent_on, decide, in_its_place, ranked, taken_out
 from shake_ros.search.declared_fit import fit_declared, with_late_parameters
-from shake_ros.search.problem import ModelStructure, ScoredFit, SearchProblem, mean_square
+from shake_ros.search.problem import ModelStructure, ScoredFit, SearchProblem
 from shake_ros.search.unlisted_functions import FunctionSearch
 
 
@@ -127,24 +127,8 @@ def _with_all(problem: SearchProblem, model: ModelStructure, answer: GivenAnswer
     start = best_start(problem.estimation, parameters, np.array([parameters.x_on(t) for t in tables]))
     if least_known := [p.name for c in effects if c.narrow for p in reversed(c.free)]:
         problem.progress("slow motion first, then faster", 0.7)
-        start = from_slow_to_fast(problem.estimation_pieces, parameters, [start], least_known)
+        start = from_slow_to_fast(problem.estimation_pieces, parameters, start, least_known)
     return problem.fitted(parameters, start, settings.converging_evaluations, settings.converged, near=True)
-
-
-def better_beginning(problem: SearchProblem, model: ModelStructure, found: Selection) -> GivenAnswer | None:
-    """The effects with which a search began, where these leave less of the validation data than what it has found.
-
-    A predictor may lose a model that it cannot follow; the free runs that led to its beginning have not.
-    """
-    effects = tuple(c for c in model.candidates if c.effect in model.shown)
-    named = {s.chosen.candidate.effect for s in found.steps}
-    if model.fitted is None or not effects or {c.effect for c in effects} == named:
-        return None
-    own = FreeParameters(model.fitted, model.free)
-    left = problem.validation_residuals(own.vectors(own.start())[0])
-    if mean_square(left) >= found.final.validation_cost:
-        return None
-    return GivenAnswer(model.fitted, effects, {}, stopped=found.stopped)
 
 
 def with_rivals(

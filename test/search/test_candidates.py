@@ -61,12 +61,7 @@ FREE = {"depth": {"scale": 0.1}}
         ({"soft_zone": {"free": FREE, "trials": [], "usual": {"dept": [0.0, 0.5]}}}, "did you mean 'effects.soft_zone"),
         ({"soft_zone": {"free": FREE, "trials": [], "usual": {"depth": 0.5}}}, "soft_zone: usual: needs [low, high]"),
         ({"soft_zone": {"free": {"depth": {}}, "trials": []}}, "needs a number 'scale'"),
-        (
-            {"soft_zone": {"free": FREE, "trials": [], "narrow": {"dept": [0.5]}}},
-            "did you mean 'effects.soft_zone.depth'",
-        ),
-        ({"soft_zone": {"free": FREE, "trials": [], "narrow": [1]}}, "narrow: needs a list of numbers for each name"),
-        ({"soft_zone": {"free": FREE, "trials": [], "narrow": {"depth": 0.5}}}, "narrow: needs a list of numbers"),
+        ({"soft_zone": {"free": FREE, "trials": [], "narrow": [1]}}, "narrow: [1] is neither true nor false"),
     ],
 )
 def test_wrong_list_is_one_line_that_names_the_file(content: dict, text: str) -> None:

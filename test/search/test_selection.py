@@ -2,12 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import Any
-
-import numpy as np
-import pytest
-
 from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.fit.free_parameters import FreeParameters
 from shake_ros.search.answer import effects_tried
@@ -15,7 +9,6 @@ from shake_ros.search.candidate_effects import CandidateEffect
 from shake_ros.search.candidates import function, listed
 from shake_ros.search.decision import absent_on
 from shake_ros.search.problem import ModelStructure
-from shake_ros.search.selection import better_beginning
 from shake_ros.search.unlisted_functions import OF_MOTION
 from shake_ros.settings import load_table
 
@@ -42,26 +35,6 @@ def test_function_keeps_its_quantity_and_range_without_its_nodes() -> None:
     assert base.value("effects.unlisted.kind") == found.value("effects.unlisted.kind") == 1
     assert base.value("effects.unlisted.high") == 0.03
     assert all(base.value(p.name) == 0.0 for p in made.free)
-
-
-@pytest.mark.parametrize(
-    ("found", "left", "again"), [("soft_zone", 0.5, True), ("soft_zone", 2.0, False), ("", 0.5, False)]
-)
-def test_search_that_leaves_more_than_it_began_with_ends_with_its_beginning(
-    found: str, left: float, again: bool
-) -> None:
-    """found : instead of the effect with which it began; that one where empty. left : by the beginning [-]."""
-    began, table = "specimen_resonance", load_table("bergamo")
-    fitted = table.with_values({f"effects.{began}.mass": 80.0, f"effects.{began}.frequency": 6.0})
-    model = ModelStructure(table, free_parameters(), candidates=effect_candidates(), fitted=fitted, shown=(began,))
-    problem: Any = SimpleNamespace(validation_residuals=lambda _vector: np.full(10, np.sqrt(left)))
-    step = SimpleNamespace(chosen=SimpleNamespace(candidate=SimpleNamespace(effect=found or began)))
-    selection: Any = SimpleNamespace(steps=[step], final=SimpleNamespace(validation_cost=1.0), stopped=False)
-    answer = better_beginning(problem, model, selection)
-    assert (answer is not None) == again
-    if answer is not None:
-        assert [c.effect for c in answer.effects] == [began]
-        assert answer.table is fitted
 
 
 def test_an_effect_that_showed_is_tried_at_the_values_of_its_first_fit() -> None:

@@ -30,7 +30,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from shake_ros.fit.free_parameters import FreeParameters
-from shake_ros.fit.least_squares import LOST, Adjustment, Fit, Problem, best_start, costs, fit, time_is_over
+from shake_ros.fit.least_squares import LOST, Adjustment, Fit, Problem, best_start, fit, time_is_over
 from shake_ros.fit.recording_problem import RecordingProblem
 
 INJECTION = 40.0  # [1/s] slow beside the oil column, fast beside the time over which a free run loses its phase
@@ -125,47 +125,34 @@ BANDS = (
     Band(300.0, 1e-2, 15, (1.25, 1.1, 1.03)),
 )
 TOLERANCE = 1e-3
-FALL = 2.0  # times the cost that is of use at the end, to which a band must come
 TRIED = 24  # values of each
 FRICTION = ("friction.coulomb_level", "friction.stribeck_rise", "friction.stribeck_decay")
 PARTS, SHARES, DECAYS = (0.85, 1.0, 1.2), (0.3, 0.5, 0.7, 0.9), (5.0, 15.0, 45.0)  # of friction at rest; [s/m]
 
 
 def from_slow_to_fast(
-    problem: RecordingProblem,
-    free: FreeParameters,
-    starts: Sequence[np.ndarray],
-    own: Sequence[str],
-    most: float = np.inf,
+    problem: RecordingProblem, free: FreeParameters, start: np.ndarray, own: Sequence[str]
 ) -> np.ndarray:
-    """Where a fit leads, band by band, from the best of some starts, shape (p,).
+    """Where a fit leads, band by band, shape (p,); when the time budget is over it ends where it is.
 
     Parameters
     ----------
-    starts : values of the free parameters, shape (p,) each. own : names of those that are tried one by one, the least
-    known first, three at most. most : half the sum of squares that is of use; the way ends after a band that leaves
-    FALL times as much. When the time budget is over it ends where it is.
+    start : values of the free parameters, shape (p,).
+    own : names of those that are tried one by one, the least known first, three at most.
     """
-    x = best_start(slow(problem), free, np.array(starts))
+    x = start
     for band in BANDS:
         if time_is_over():
             break
         band_limited = problem.below(band.below, band.difference)
         x = _fitted(band_limited, band, free, x, own)
-        if time_is_over() or costs(band_limited, free, x)[0] > FALL * most:  # all that rings comes on top
+        if time_is_over():
             break
         x = _tried(problem, band, free, x, own)
-        if costs(problem, free, x)[0] > FALL * most:
-            break
         anew = best_start(band_limited, free, _with_friction_split(free, x))
         if not np.array_equal(anew, x):
             x = _tried(problem, band, free, _fitted(band_limited, band, free, anew, own), own)
     return x
-
-
-def slow(problem: RecordingProblem) -> RecordingProblem:
-    """The slow motion alone, in the first band."""
-    return problem.below(BANDS[0].below, BANDS[0].difference)
 
 
 def _fitted(band_limited: Problem, band: Band, free: FreeParameters, x: np.ndarray, own: Sequence[str]) -> np.ndarray:

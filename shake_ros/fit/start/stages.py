@@ -1,8 +1,7 @@
 """The first stages of a fit to recordings of a table without a data sheet.
 
 The best first guesses are fitted briefly to pieces of the recordings, with the filter behind the accelerometer that
-leaves least; where that leaves much, with backlash alone (narrow_valleys.py) or with several effects at once
-(joint_start.py). The null shift of each recording is free in these fits, and stands in the recordings at their end.
+leaves least. The null shift of each recording is free in these fits, and stands in the recordings at their end.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ from operator import attrgetter
 import numpy as np
 
 from shake_ros.fit.free_parameters import FreeParameter, FreeParameters, null_shifts_of
-from shake_ros.fit.least_squares import Fit, costs, fit
+from shake_ros.fit.least_squares import Fit, fit
 from shake_ros.fit.nuisances.estimates import NuisanceEstimates, estimated_null_shifts
 from shake_ros.fit.nuisances.explained_band import explained_band
 from shake_ros.fit.nuisances.prepared import Prepared
@@ -22,28 +21,20 @@ from shake_ros.fit.nuisances.sensor_filter import behind_filter, better_filter
 from shake_ros.fit.nuisances.sensor_pair import SensorPair
 from shake_ros.fit.recording_problem import RecordingProblem
 from shake_ros.fit.records import windows
-from shake_ros.fit.start.joint_start import JoiningEffect, joint_start
 from shake_ros.fit.start.linear_table import moved_ahead
-from shake_ros.fit.start.narrow_valleys import FALL, arrived, from_slow_to_fast, predictor_start, slow, with_lag_parted
+from shake_ros.fit.start.narrow_valleys import arrived, predictor_start, with_lag_parted
 from shake_ros.fit.start.unknown_model import FirstGuess, UnknownModel
-from shake_ros.fit.uncertainty import at_bound
 from shake_ros.physics.plant.parameters import TableParameters
 
 PIECES, PIECE = 18.0, 6.0  # of the recordings that the first fit sees, and length of each [s]
-SLOW_PIECES, SLOW_PIECE = 9.0, 3.0  # the same of what a way from slow to fast motion sees [s]
 GUESSES = 2  # that are fitted
 SHAKEN_GUESSES = 6  # the same where noise in the table hides its ringing, which leaves more than one way to explain it
 EVALUATIONS, TOLERANCE = 20, 1e-3  # of a first fit
 ROUGH = 5e-3  # tolerance where it ends far from the noise, and of the predictor runs before
 SAME = 0.99  # part of the cost of predictor runs from which a second guess leads nowhere else
-HIGH_RATIO = 5.0  # ratio of the residual to the noise from which several effects are looked for at once
-BOUND_RATIO = 2.0  # the same from which an effect on a bound is no finding
-JOINED = 0.5  # part of the cost that these may leave
-ALONE = 0.25  # the same of one alone from a narrow start that does not show at once
-CERTAIN = 0.1  # part that they leave where they are certain but for a bound or much that is left
-BEYOND = 0.03  # the same where they are beyond any
-JOINTS = 3  # times that they are looked for
-EffectsOf = Callable[[TableParameters], Mapping[str, JoiningEffect]]
+HIGH_RATIO = 5.0  # ratio of the residual to the noise from which a first fit ends rough
+BENT_RATIO = 2.0  # the same from which friction may have bent to what is missing
+ParametersOf = Callable[[TableParameters], Mapping[str, Sequence[FreeParameter]]]  # of effects, by their names
 BETWEEN_SENSORS = ("accelerometer_lag", "position_sensor_lag", "accelerometer_scale", "base_flexibility")
 SPECIMEN = "specimen_resonance"
 SHOWN = (SPECIMEN, *BETWEEN_SENSORS)  # effects that show without a search
@@ -55,7 +46,7 @@ class StartingPoint:
     """Where the whole fit begins.
 
     table : the declared one, fitted to pieces. data : recordings with the null shifts that it tells. shown : effects
-    that sensors, linear response and a fit with many effects show without a search; `fitted` is the table with them.
+    that sensors and linear response show without a search; `fitted` is the table with them.
     between : those of them that the sensors show, as they differ: whatever else moves the table moves both.
     """
 
@@ -74,7 +65,7 @@ class StartingPoint:
 def staged_start(
     model: UnknownModel,
     free: Sequence[FreeParameter],
-    effects: EffectsOf,
+    effects: ParametersOf,
     data: Prepared,
     progress: Callable[[str, float], None] = lambda *_: None,
 ) -> StartingPoint:
@@ -82,8 +73,8 @@ def staged_start(
 
     Parameters
     ----------
-    free : parameters that a fit may move. effects : that a table may lack. progress : called with what is being done
-        and the part of it that is done.
+    free : parameters that a fit may move. effects : the parameters of those that a table may lack.
+    progress : called with what is being done and the part of it that is done.
     """
     progress("first guess from the recordings", 0.0)
     assert model.table is not None
@@ -97,28 +88,13 @@ def staged_start(
         progress("first fit: the position may be early, not the acceleration late", 0.0)
         other = _first_fit(model, free, effects, moved_ahead(data, data.delay), progress)
         first = min(first, other, key=attrgetter("best.cost"))
-    data, pieces, best, known, shown = first.data, first.pieces, first.best, first.known, first.shown
+    data, pieces, best, shown = first.data, first.pieces, first.best, first.shown
     between = tuple(e for e in shown if e in BETWEEN_SENSORS)
     if shown:
         progress(f"best so far: {' + '.join(shown)}, from the frequency responses", 0.0)
-
-    def moved(names: Sequence[str]) -> list[FreeParameter]:
-        return with_effects(free, known, names)
-
-    begin = first.guess
-    for _ in range(JOINTS):
-        if not leaves_much(pieces, best):
-            break
-        progress("first fit: several effects at once", 0.0)
-        joined, more = several_at_once(pieces, moved(shown), known, begin, best, progress)
-        if joined.cost > JOINED * best.cost:
-            break
-        best, shown, begin = joined, (*shown, *more), joined.table  # what is left shows others better
-        over = residual_to_noise_ratio(pieces, best)
-        progress(f"best so far: {' + '.join(shown)}, {over:.1f} × the noise in segments of the estimation data", 0.0)
-    if residual_to_noise_ratio(pieces, best) >= BOUND_RATIO and not any(known[e].narrow for e in shown):
+    if leaves_much(pieces, best, BENT_RATIO):
         progress("first fit: refitting friction", 0.0)
-        anew = _fitted(pieces, moved(shown), with_friction_of(first.guess, best.table, model))
+        anew = _fitted(pieces, best.free.free, with_friction_of(first.guess, best.table, model))
         best = min(best, anew, key=attrgetter("cost"))
     if not leaves_much(pieces, best):
         best = with_lag_parted(pieces, best, TOLERANCE)
@@ -130,20 +106,19 @@ def staged_start(
 
 @dataclass(frozen=True)
 class _FirstFit:
-    """The fit from the first guess. known : the effects that the table may lack. shown : those that it has."""
+    """The fit from the first guess, and that. shown : the effects that it has."""
 
     data: Prepared
     pieces: RecordingProblem
     guess: TableParameters
     best: Fit
-    known: Mapping[str, JoiningEffect]
     shown: tuple[str, ...]
 
 
 def _first_fit(
     model: UnknownModel,
     free: Sequence[FreeParameter],
-    effects: EffectsOf,
+    effects: ParametersOf,
     data: Prepared,
     progress: Callable[[str, float], None],
 ) -> _FirstFit:
@@ -158,7 +133,7 @@ def _first_fit(
     guesses = first.tables(model.table, model.unknown, model, shown_on, SPECIMEN in may_lack)
     known = effects(guesses[0])
     shown = tuple(e for e in SHOWN if e in known and e in guesses[0].effects)
-    moved = with_effects(free, known, shown)
+    moved = [*free, *(p for effect in shown for p in known[effect])]
     progress("first fit", 0.0)
     pieces = _pieces(model, data)
     if data.estimation[0].explained is None:
@@ -173,7 +148,7 @@ def _first_fit(
         data = data.with_nuisances(NuisanceEstimates(behind))
         pieces = _pieces(model, data)
         best = _fitted(pieces, moved, best.table)
-    return _FirstFit(data, pieces, guesses[0], best, known, shown)
+    return _FirstFit(data, pieces, guesses[0], best, shown)
 
 
 def quicker_than_sensor(table: TableParameters, delay: float) -> bool:
@@ -182,132 +157,9 @@ def quicker_than_sensor(table: TableParameters, delay: float) -> bool:
     return table.value("effects.command_delay.delay") + valve < delay
 
 
-def residual_to_noise_ratio(pieces: RecordingProblem, found: Fit) -> float:
-    """Ratio of what a fit leaves to the noise [-]."""
-    return float(np.sqrt(2.0 * found.cost / (pieces.noise_cost() * pieces.count)))
-
-
-def leaves_much(pieces: RecordingProblem, found: Fit) -> bool:
-    """Whether a fit leaves so much above the noise that several effects are looked for at once."""
-    return residual_to_noise_ratio(pieces, found) >= HIGH_RATIO
-
-
-def rests_on_bound(pieces: RecordingProblem, found: Fit) -> bool:
-    """Whether an effect rests on a bound and much is left: it stands for one that is not there."""
-    return residual_to_noise_ratio(pieces, found) >= BOUND_RATIO and any(
-        name.startswith("effects.") for name, rests in zip(found.free.names, at_bound(found), strict=True) if rests
-    )
-
-
-def is_no_answer(pieces: RecordingProblem, joined: Fit, before: float) -> bool:
-    """Whether the joint fit is no answer: it leaves more than CERTAIN of the cost, or BEYOND and much or at a bound."""
-    left = joined.cost / before
-    return left > CERTAIN or (left > BEYOND and (leaves_much(pieces, joined) or rests_on_bound(pieces, joined)))
-
-
-def with_effects(
-    free: Sequence[FreeParameter], known: Mapping[str, JoiningEffect], names: Sequence[str]
-) -> list[FreeParameter]:
-    """What a fit moves with these effects."""
-    return [*free, *(p for e in names for p in known[e].free)]
-
-
-def several_at_once(
-    pieces: RecordingProblem,
-    free: Sequence[FreeParameter],
-    known: Mapping[str, JoiningEffect],
-    begin: TableParameters,
-    before: Fit,
-    progress: Callable[[str, float], None] = lambda *_: None,
-) -> tuple[Fit, tuple[str, ...]]:
-    """The fit with the effects that hold where many are tried at once, and these; the one before where none does.
-
-    An effect with narrow starts that shows at once is sought before: it stands where it leaves no more than JOINED of
-    the cost before. Where the fit with many leaves much, friction with a memory may join as well. Where that is no
-    answer yet, the fit from the best narrow start replaces it where it leaves less than JOINED of what that leaves, and
-    than ALONE of the cost before: a stiff contact between two bodies follows much that it is not.
-    """
-    absent = {name: effect for name, effect in known.items() if name not in begin.effects}
-    narrow = [name for name, effect in absent.items() if effect.narrow]
-    at_once = [name for name in narrow if shows_at_once(pieces, known[name], before)]
-
-    def alone(names: Sequence[str], most: float) -> tuple[Fit, tuple[str, ...]] | None:
-        """The fit with the first of some effects that leaves no more than that from its best narrow start."""
-        for name in names:
-            progress(f"first fit: {name}, slow motion first", 0.0)
-            moved = with_effects(free, known, (name,))
-            found = from_narrow_start(pieces, moved, known[name], begin, before, most)
-            if found is not None and found.cost <= most:
-                return found, (name,)
-        return None
-
-    if (first := alone(at_once, JOINED * before.cost)) is not None:
-        return first
-    best, more = _joined(pieces, free, known, begin, before)
-    if leaves_much(pieces, best) and any(effect.where_far for effect in absent.values()):
-        far = _joined(pieces, free, known, begin, before, far=True)
-        best, more = min((best, more), far, key=lambda found: found[0].cost)
-    if is_no_answer(pieces, best, before.cost):
-        others = [name for name in narrow if name not in at_once]
-        return alone(others, min(JOINED * best.cost, ALONE * before.cost)) or (best, more)
-    return best, more
-
-
-def _joined(
-    pieces: RecordingProblem,
-    free: Sequence[FreeParameter],
-    known: Mapping[str, JoiningEffect],
-    begin: TableParameters,
-    before: Fit,
-    far: bool = False,
-) -> tuple[Fit, tuple[str, ...]]:
-    """The fit with the effects that hold where many are tried at once, and these; the one before where none does."""
-    start, more = joint_start(pieces, free, known, begin, far)
-    if not more:
-        return before, more
-    return _fitted(pieces, with_effects(free, known, more), start), more
-
-
-def from_narrow_start(
-    pieces: RecordingProblem,
-    free: Sequence[FreeParameter],
-    effect: JoiningEffect,
-    begin: TableParameters,
-    before: Fit,
-    most: float,
-) -> Fit | None:
-    """The fit with one effect whose valley is too narrow to be met from its absence; None where it is hopeless.
-
-    Backlash between rod and table is one: near nothing it is a rigid joint, and other effects smear its dwells.
-    free : what the fit moves, with the effect's own parameters. begin, before : a first guess and the fit without the
-    effect, from the better of which it sets out. most : cost that it may leave.
-    """
-    parameters = FreeParameters(begin.with_values(effect.narrow[0]), free)
-    starts = [parameters.x_of(point) for point in effect.narrow] + list(narrow_starts(parameters, effect, before))
-    few = RecordingProblem(windows(pieces.records, SLOW_PIECES, SLOW_PIECE), pieces.model)
-    useful = most * few.count / pieces.count
-    x = from_slow_to_fast(few, parameters, starts, [f.name for f in reversed(effect.free)], useful)
-    if costs(pieces, parameters, x)[0] > FALL * most:
-        return None
-    return fit(pieces, parameters, x, evaluations=EVALUATIONS, tolerance=TOLERANCE)  # predictor runs would lead away
-
-
-def narrow_starts(parameters: FreeParameters, effect: JoiningEffect, before: Fit) -> np.ndarray:
-    """The effect's starts put on a fit without it as that stands, shape (m, p)."""
-    rows = np.array([parameters.x_of(point) for point in effect.narrow])
-    rows[:, [parameters.names.index(name) for name in before.free.names]] = before.x
-    return rows
-
-
-def shows_at_once(pieces: RecordingProblem, effect: JoiningEffect, before: Fit) -> bool:
-    """Whether an effect lowers what a fit leaves of slow motion as soon as it is put on it and nothing else moved.
-
-    Most backlash of some hundredths of a millimetre and more does, and no other effect that was tried.
-    """
-    slow_motion = slow(pieces)
-    parameters = FreeParameters(before.table.with_values(effect.narrow[0]), [*before.free.free, *effect.free])
-    with_it = costs(slow_motion, parameters, narrow_starts(parameters, effect, before))
-    return bool(np.min(with_it) < costs(slow_motion, before.free, before.x[None, :])[0])
+def leaves_much(pieces: RecordingProblem, found: Fit, ratio: float = HIGH_RATIO) -> bool:
+    """Whether a fit leaves so much above the noise that its end tells nothing, or so many times the noise."""
+    return 2.0 * found.cost >= ratio**2 * pieces.noise_cost() * pieces.count
 
 
 def effects_between_sensors(table: TableParameters, sensors: SensorPair, may_lack: Sequence[str]) -> dict[str, float]:
@@ -328,7 +180,7 @@ def effects_between_sensors(table: TableParameters, sensors: SensorPair, may_lac
 def with_friction_of(guess: TableParameters, table: TableParameters, model: UnknownModel) -> TableParameters:
     """A table with the friction of a first guess, per mass, where it is unknown.
 
-    Friction bends first where an effect is missing, and may stay in that valley once the effect is there.
+    Friction bends first where an effect is missing, and a fit may end in that valley.
     """
     heavier = table.moved_mass / guess.moved_mass
     values = {

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from shake_ros.fit.free_parameters import FreeParameters, free_parameter
-from shake_ros.fit.least_squares import Fit, costs, fit, within_budget
+from shake_ros.fit.least_squares import Fit, fit, within_budget
 from shake_ros.fit.recording_problem import RecordingProblem
 from shake_ros.fit.records import Record
 from shake_ros.fit.start import narrow_valleys
-from shake_ros.fit.start.narrow_valleys import FALL, FRICTION, from_slow_to_fast
+from shake_ros.fit.start.narrow_valleys import FRICTION, from_slow_to_fast
 from shake_ros.physics.plant.parameters import INDEX
 from shake_ros.physics.plant.simulation import run
 from shake_ros.settings import load_table
@@ -55,40 +55,9 @@ def test_a_ringing_maze_is_left_by_its_slow_part() -> None:
     free = free_ones()
     lost = fit(problem, free, free.start(), evaluations=60, tolerance=1e-6)
     assert abs(lost.table.value(GAP) - TRUE[GAP]) > 0.1 * TRUE[GAP]
-    starts = [free.x_of({GAP: gap}) for gap in (2e-5, 5e-5, 4e-4)]
-    found = free.table(from_slow_to_fast(problem, free, starts, [ROD, GAP]))
+    found = free.table(from_slow_to_fast(problem, free, free.start(), [ROD, GAP]))
     assert found.value(GAP) == pytest.approx(TRUE[GAP], rel=2e-3)
     assert found.value(ROD) == pytest.approx(TRUE[ROD], rel=0.02)
-
-
-@pytest.mark.parametrize(("use", "bands", "tried"), [("little", 1, 0), ("between", 1, 1), ("enough", 3, 3)])
-def test_a_way_ends_where_a_band_leaves_far_more_than_is_of_use(
-    use: str, bands: int, tried: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """use : of what the start leaves, below what its band has, between that and all of it, or more."""
-    band_limited, own = list[float](), list[int]()
-
-    class Heard(Ringing):
-        def below(self, band: float, difference: float) -> Ringing:
-            band_limited.append(band)
-            return super().below(band, difference)
-
-    def unchanged(_problem: Any, _band: Any, _free: Any, x: np.ndarray, _own: Any) -> np.ndarray:
-        own.append(1)
-        return x
-
-    problem: Any = Heard()
-    free = free_ones()
-    start = free.x_of({GAP: 4e-4})
-    slow, whole = (costs(p, free, start)[0] for p in (problem.below(40.0, 5e-2), problem))
-    assert slow < 0.98 * whole
-    band_limited.clear()
-    monkeypatch.setattr(narrow_valleys, "_fitted", lambda _band_limited, _band, _free, x, _own: x)
-    monkeypatch.setattr(narrow_valleys, "_tried", unchanged)
-    left = {"little": 0.5 * slow, "between": 0.5 * (slow + whole), "enough": 2.0 * whole}[use]
-    x = from_slow_to_fast(problem, free, [start], [ROD, GAP], left / FALL)
-    assert x.tolist() == start.tolist()
-    assert (len(band_limited) - 1, len(own)) == (bands, tried)
 
 
 def test_the_slow_part_leaves_the_rod_s_mass_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -101,17 +70,16 @@ def test_the_slow_part_leaves_the_rod_s_mass_where_it_is(monkeypatch: pytest.Mon
         return fit(band_limited, free, x, **options)
 
     monkeypatch.setattr(narrow_valleys, "fit", short)
-    from_slow_to_fast(problem, free, [free.x_of({GAP: 5e-5})], [ROD, GAP])
+    from_slow_to_fast(problem, free, free.start(), [ROD, GAP])
     assert moved == [(GAP,), (GAP, ROD), (GAP, ROD)]
 
 
-def test_when_the_time_is_over_the_best_start_is_taken_as_it_is() -> None:
+def test_when_the_time_is_over_the_start_is_taken_as_it_is() -> None:
     free = free_ones()
     problem: Any = Ringing()
-    starts = [free.x_of({GAP: gap}) for gap in (2e-5, 1.2e-4, 4e-4)]
     with within_budget(lambda: True):
-        found = from_slow_to_fast(problem, free, starts, [ROD, GAP])
-    assert found.tolist() == starts[1].tolist()
+        found = from_slow_to_fast(problem, free, free.start(), [ROD, GAP])
+    assert found.tolist() == free.start().tolist()
 
 
 class Stribeck:
@@ -138,7 +106,7 @@ def test_friction_is_split_anew() -> None:
     bent = free.x_of(dict(zip(FRICTION, (60.0, 600.0, 4.0), strict=True)))
     stuck = fit(problem, free, bent, evaluations=40, tolerance=1e-6)
     assert stuck.cost > 1e3
-    found = free.table(from_slow_to_fast(problem, free, [bent], []))
+    found = free.table(from_slow_to_fast(problem, free, bent, []))
     assert [found.value(name) for name in FRICTION] == pytest.approx([450.0, 220.0, 45.0], rel=0.02)
 
 
