@@ -488,16 +488,17 @@ def record(
     return {"command": commands, **dict(zip(names, out.T, strict=True))}
 
 
+def accelerations(truth: Truth, commands: dict[str, np.ndarray], seed: int = 0) -> np.ndarray:
+    """Acceleration of the recordings to learn from, one behind the other, without noise of the sensors."""
+    rng = np.random.default_rng(seed)
+    learnt = [u for name, u in commands.items() if name.startswith("learn")]
+    return np.concatenate([record(truth, u, 0.0, rng)["acceleration"] for u in learnt])
+
+
 def acceleration_change(base: Truth, truth: Truth, commands: dict[str, np.ndarray]) -> float:
     """Relative change of the recorded acceleration over the recordings to learn from, without noise."""
-    rng = np.random.default_rng(0)
-    square = size = 0.0
-    for name in ("learn_ladder", "learn_multisine"):
-        a_0 = record(base, commands[name], 0.0, rng)["acceleration"]
-        a_1 = record(truth, commands[name], 0.0, rng)["acceleration"]
-        square += float(np.sum((a_1 - a_0) ** 2))
-        size += float(np.sum(a_0**2))
-    return math.sqrt(square / size)
+    before, after = (accelerations(table, commands) for table in (base, truth))
+    return float(np.linalg.norm(after - before) / np.linalg.norm(before))
 
 
 def with_random_force(truth: Truth, between_repeats: float, commands: dict[str, np.ndarray]) -> Truth:
@@ -506,16 +507,10 @@ def with_random_force(truth: Truth, between_repeats: float, commands: dict[str, 
     between_repeats : rms of their difference over that of the acceleration, recordings to learn from, no sensor noise.
     """
 
-    def accelerations(force: float, seed: int) -> np.ndarray:
-        rng, pushed = np.random.default_rng(seed), truth._replace(rumble=force)
-        made = [
-            record(pushed, commands[name], 0.0, rng)["acceleration"] for name in ("learn_ladder", "learn_multisine")
-        ]
-        return np.concatenate(made)
-
     force = 60.0
     for _ in range(3):  # nearly in proportion: friction alone makes it less
-        first, second = accelerations(force, 0), accelerations(force, 1)
+        pushed = truth._replace(rumble=force)
+        first, second = (accelerations(pushed, commands, seed) for seed in (0, 1))
         force *= between_repeats * float(np.std(first) / np.std(first - second))
     return truth._replace(rumble=force)
 
