@@ -185,9 +185,10 @@ def _change(given: dict[str, Any], changes: Mapping[str, Any], where: str) -> No
             raise unknown_name("value", name, sorted({n for place in places for n in place}), where)
         for place in found:
             varied = place is not given["same"] and any(place is block for block in given["rows"])
-            if isinstance(value, list) and not varied and not isinstance(place[name], list):
-                raise ShakeError(f"{where}: {name}: {shown(value)} is a list, but every row has the same one value")
-            place[name] = value if not varied or isinstance(value, list | Mapping) else [value]
+            several = isinstance(value, list | Mapping)
+            if several and not varied and not isinstance(place[name], type(value)):
+                raise ShakeError(f"{where}: {name}: {shown(value)} is a list or range; every row has the same value")
+            place[name] = [value] if varied and not several else value
     given["rows"] = [_checked_block(block, f"{where}: rows: {i + 1}") for i, block in enumerate(given["rows"])]
 
 
