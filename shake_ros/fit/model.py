@@ -71,7 +71,7 @@ class FreeModel:
 
     Attributes
     ----------
-    table : numbers that do not move, effects included. free : parameters that move.
+    table : numbers that do not move, effects included, and those that move as declared. free : parameters that move.
     effects : candidates that the model has. x : values in units of the scales, shape (p,).
     priors : value and standard deviation by name.
     """

@@ -288,5 +288,5 @@ def continued(
     """
     found = [step.chosen.candidate.effect for step in before.search.steps]
     table = before.search.final.fit.table
-    begin = replace(model, table=table.without(found), fitted=table, shown=tuple(found))
+    begin = replace(model, table=table.without(found), fitted=table, shown=tuple(found), unbent=None)
     return close_loop(begin, estimation, validation, settings, progress, deadline_passed, failures)

@@ -107,7 +107,7 @@ def beginning(model: ModelStructure, behind: SensorFilter | None, pressure: floa
     start = {} if pressure is None else {SENSOR_SCALE: pressure}
     if behind is not None:  # the delay beside the filter has been taken out of the recordings
         start |= {SENSOR_DELAY: 0.0, SENSOR_FILTER: behind.by_filter}
-    found = start_of(model.table, (*own, *start))
+    found = replace(start_of(model.table, (*own, *start)), table=model.unbent or model.table)
     found = found.at(np.concatenate([found.x[: len(own)], [value / p.scale for p, value in start.items()]]))
     for c in model.candidates:
         if model.fitted is not None and c.effect in model.shown:

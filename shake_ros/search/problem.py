@@ -43,6 +43,7 @@ class ModelStructure:
     explain much of what is left above the noise. candidates : effects that it may lack. simulator : of its free run.
     shown : effects among the candidates that show without a search; `fitted` is a table that has them. between : those
         of them by which the sensors differ, so that nothing that moves the table could stand for them.
+    unbent : the table with the friction with which effects of friction are tried, where that is another one.
     """
 
     table: TableParameters
@@ -53,6 +54,7 @@ class ModelStructure:
     fitted: TableParameters | None = None
     shown: tuple[str, ...] = ()
     between: tuple[str, ...] = ()
+    unbent: TableParameters | None = None
 
 
 class Stopped(Exception):

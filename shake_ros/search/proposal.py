@@ -1,11 +1,14 @@
 """Which sets of effects would explain what a fit leaves? A linear best-subset selection over finite trials.
 
-With the whitened residuals r of a fitted model, its Jacobian J, and the change d_t of the residuals by each trial t of
-each absent effect (and by the removal of each present one), a set T of trials leaves
+With the whitened residuals r of a fitted model, its Jacobian J, their change f by the friction that its table declares,
+and the change d_t of the residuals by each trial t of each absent effect, a set T of trials leaves
 
-    min over δ, s of |r + J δ + Σ_t s_t d_t|²
+    min over δ, m, s of |r + J δ + m f + Σ_t s_t d_t|²
 
 to first order. All sets share one Gram matrix, so a beam over sets with exchange costs next to nothing.
+
+Friction bends first where a model lacks something, and where a fit has made it nothing, no effect of friction shows. So
+these are tried with the declared friction, and what that changes by itself is no gain of theirs.
 """
 
 from __future__ import annotations
@@ -47,6 +50,11 @@ class EffectTrial:
         scaled = self.candidate.scaled
         small = tuple({n: SLIGHT * v if n in scaled else v for n, v in d.items()} for d in self.directions)
         return EffectTrial(self.candidate, small, self.most * reach / SLIGHT)
+
+    @property
+    def with_declared_friction(self) -> bool:
+        """Whether it is tried with the declared friction: a finite one of friction."""
+        return self.candidate.place == FRICTION and self.most <= LARGEST
 
     @property
     def shape(self) -> tuple[tuple[str, float], ...]:
@@ -110,37 +118,39 @@ def linearised(
         a unit further than its prior lets it go. beside : predictions of further data that count as well.
     """
     model, p = fitted.model, len(fitted.model.x)
-    trials = trials_of(candidates)
-    rows, places, taken = list[np.ndarray](), list[tuple[int, ...]](), 0
+    declared, trials = with_declared_friction(model), trials_of(candidates)
+    rows, places = [declared.vectors(declared.x)], list[tuple[int, ...]]()
     for t in trials:
-        places.append(tuple(range(taken, taken + len(t.directions))))
-        taken += len(t.directions)
+        places.append(tuple(range(len(rows) - 1, len(rows) - 1 + len(t.directions))))
         for values in t.directions:
-            bigger = before(model, t).with_effect(t.candidate, values)
+            bigger = (declared if t.with_declared_friction else model).with_effect(t.candidate, values)
             rows.append(bigger.vectors(bigger.x)[0])
     at, step = differences(fitted.prediction, model, model.x)
     data, vectors = (fitted.prediction, *beside), np.vstack([at, *rows])
     few = [prediction.part(SCREENED) for prediction in data]
+    sizes = [size for prediction in few for size in prediction.run_sizes()]
     found = np.hstack([prediction.residuals(vectors) for prediction in few])
-    r = found[0]
+    r, friction = found[0], found[p + 1]
     j = (found[1 : p + 1] - r).T / step
-    d = without_lost_runs((found[p + 1 :] - r).T, [size for prediction in few for size in prediction.run_sizes()])
+    bases = [friction if t.with_declared_friction else r for t in trials for _ in t.directions]
+    d = without_lost_runs((found[p + 2 :] - np.reshape(bases, (-1, len(r)))).T, sizes)
     d = np.hstack([d, j[:, list(moved)]])
     trials += tuple(EffectTrial(c, ({c.strength.name: c.strength.scale},)) for c in moved.values())
-    places += [(taken + i,) for i in range(len(moved))]
-    normal = normal_matrix(j.T @ j, model)
-    gradient = j.T @ r + model.prior[0].T @ prior_residuals(model, model.x)
+    places += [(len(rows) - 1 + i,) for i in range(len(moved))]
+    j = np.hstack([j, without_lost_runs((friction - r)[:, None], sizes)])
+    prior = np.hstack([model.prior[0], np.zeros((len(model.prior[0]), 1))])
+    normal = normal_matrix(j.T @ j, prior)
+    gradient = j.T @ r + prior.T @ prior_residuals(model, model.x)
     across = j.T @ d
     response = -np.linalg.solve(normal, across)
     own = -np.linalg.solve(normal, gradient)
     whole = sum(prediction.count for prediction in data) / sum(prediction.count for prediction in few)
     power, score = d.T @ d + across.T @ response, -(d.T @ r + across.T @ own)
-    return Linearised(trials, tuple(places), whole * power, whole * score, response, own)
+    return Linearised(trials, tuple(places), whole * power, whole * score, response[:p], own[:p])
 
 
-def normal_matrix(power: np.ndarray, model: FreeModel) -> np.ndarray:
-    """Normal matrix of a fit, of a Jacobian's Gram matrix and the priors, shape (p, p)."""
-    prior = model.prior[0]
+def normal_matrix(power: np.ndarray, prior: np.ndarray) -> np.ndarray:
+    """Normal matrix of a fit, of a Jacobian's Gram matrix and the rows of its priors, shape (p, p)."""
     normal = power + prior.T @ prior
     return np.asarray(normal + 1e-9 * np.diag(np.maximum(np.diag(normal), 1e-12)))
 
@@ -175,14 +185,8 @@ def size(trial: EffectTrial) -> float:
     return max(abs(d.get(n, 0.0)) for d in trial.directions for n in trial.candidate.scaled)
 
 
-def before(model: FreeModel, trial: EffectTrial) -> FreeModel:
-    """A model as an effect is tried on it: a finite one of friction with the declared friction.
-
-    Friction bends first where it lacks something, and where it has gone to zero nothing that changes it shows. A slight
-    trial shows the derivative where the model stands.
-    """
-    if trial.candidate.place != FRICTION or trial.most > LARGEST:
-        return model
+def with_declared_friction(model: FreeModel) -> FreeModel:
+    """A model with the friction that its table declares."""
     declared = [model.table.value(n) / s for n, s in zip(model.names, model.scale, strict=True) if n.startswith(OWN)]
     x = model.x.copy()
     x[[n.startswith(OWN) for n in model.names]] = declared
@@ -193,7 +197,7 @@ def weakest(fitted: PredictorFit, effects: Sequence[TriedEffect]) -> TriedEffect
     """The effect whose absence would cost least to first order, once all other parameters have adjusted (Wald)."""
     model = fitted.model
     j = jacobian(fitted.prediction.part(SCREENED), model, model.x)[1]
-    covariance = np.linalg.inv(normal_matrix(j.T @ j, model))
+    covariance = np.linalg.inv(normal_matrix(j.T @ j, model.prior[0]))
 
     def cost(effect: TriedEffect) -> float:
         own = [model.names.index(n) for n in effect.scaled]
@@ -271,8 +275,8 @@ def start(fitted: PredictorFit, proposal: EffectSet) -> FreeModel:
     """The fitted model with a set of effects, at that part of the linear prediction that leaves least."""
     model, found = fitted.model, list[FreeModel]()
     most = SHIFT * np.maximum(1.0, PART * np.abs(model.x))
-    for trial in proposal.trials:
-        model = before(model, trial)
+    if any(trial.with_declared_friction for trial in proposal.trials):
+        model = with_declared_friction(model)
     for part in MULTIPLES:
         for beside in (np.clip(part * proposal.change, -most, most), 0.0):
             bigger = model.at(model.x + beside)

@@ -231,7 +231,8 @@ class Naming:
         some = fitted.prediction.part(SCREENED)
         whole = fitted.prediction.count / some.count
         known = replace(self.model.known, covariance=whole * self.model.known.covariance)
-        part = replace(fitted, model=replace(self.model, x=x, known=known), prediction=some)
+        model = replace(self.model, table=self.model.at(x).found_table(), x=x, known=known)
+        part = replace(fitted, model=model, prediction=some)
         lin, found = linearised(part, tried, moved), dict[str, tuple[TriedEffect, EffectSet]]()
         for m, trial in enumerate(lin.trials):
             gain, parts = evaluate(lin, [m])

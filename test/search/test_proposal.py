@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
 from shake_ros.fit.free_parameters import FreeParameter
-from shake_ros.fit.model import TriedEffect
-from shake_ros.search.proposal import EffectTrial, Linearised, evaluate, proposals
+from shake_ros.fit.model import TriedEffect, start_of
+from shake_ros.physics.plant.parameters import INDEX
+from shake_ros.search.proposal import EffectTrial, Linearised, evaluate, linearised, proposals
+from shake_ros.settings import load_table
 
 RNG = np.random.default_rng(3)
 
@@ -49,3 +54,25 @@ def test_gain_of_a_set_is_the_fall_of_half_the_sum_of_squares() -> None:
     gain, parts = evaluate(linear(r, d), (0, 1))
     left = r + np.column_stack([d["first"], d["second"]]) @ parts
     assert gain == pytest.approx(0.5 * float(r @ r - left @ left), rel=1e-3)
+
+
+def test_effect_of_friction_gains_nothing_by_what_the_declared_friction_explains_alone() -> None:
+    level = FreeParameter("friction.coulomb_level", 100.0, 0.0, 1e4, "N")
+    drag = FreeParameter("effects.quadratic_drag.coefficient", 1.0, 0.0, 1e3, "N*s^2/m^2")
+    effect = TriedEffect("quadratic_drag", (drag,), (({drag.name: 1.0},),), "friction", scaled=(drag.name,))
+    table = load_table("bergamo")
+    bent = start_of(table, (level,)).at(np.zeros(1))  # a fit has made friction nothing
+    by_friction, by_drag, noise = RNG.standard_normal((3, 400))
+
+    def proposed(strength: float) -> list[Any]:
+        def residuals(vectors: np.ndarray) -> np.ndarray:
+            acts = (vectors[:, INDEX[level.name]] / table.value(level.name))[:, None] ** 2
+            shows = acts * vectors[:, INDEX[drag.name]][:, None]
+            return 0.1 * noise + (1.0 - acts) * by_friction + (strength - shows) * by_drag
+
+        data = SimpleNamespace(residuals=residuals, difference=1e-4, count=400, run_sizes=lambda: [400])
+        data.part = lambda seconds: data
+        return proposals(linearised(SimpleNamespace(model=bent, prediction=data), [effect]), 1)[1]
+
+    assert sum(p.gain for p in proposed(0.0)) < 1.0
+    assert proposed(1.0)[0].gain == pytest.approx(0.5 * float(by_drag @ by_drag), rel=0.05)

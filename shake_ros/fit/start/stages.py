@@ -33,7 +33,6 @@ EVALUATIONS, TOLERANCE = 20, 1e-3  # of a first fit
 ROUGH = 5e-3  # tolerance where it ends far from the noise, and of the predictor runs before
 SAME = 0.99  # part of the cost of predictor runs from which a second guess leads nowhere else
 HIGH_RATIO = 5.0  # ratio of the residual to the noise from which a first fit ends rough
-BENT_RATIO = 2.0  # the same from which friction may have bent to what is missing
 ParametersOf = Callable[[TableParameters], Mapping[str, Sequence[FreeParameter]]]  # of effects, by their names
 BETWEEN_SENSORS = ("accelerometer_lag", "position_sensor_lag", "accelerometer_scale", "base_flexibility")
 SPECIMEN = "specimen_resonance"
@@ -47,19 +46,21 @@ class StartingPoint:
 
     table : the declared one, fitted to pieces. data : recordings with the null shifts that it tells. shown : effects
     that sensors and linear response show without a search; `fitted` is the table with them.
+    unbent : the declared one with the friction that it had before any fit.
     between : those of them that the sensors show, as they differ: whatever else moves the table moves both.
     """
 
     table: TableParameters
     data: Prepared
     fitted: TableParameters
+    unbent: TableParameters
     shown: tuple[str, ...] = ()
     between: tuple[str, ...] = ()
 
     @classmethod
     def declared(cls, table: TableParameters, data: Prepared) -> StartingPoint:
         """A declared table, from which the fit begins as it is."""
-        return cls(table, data, table)
+        return cls(table, data, table, table)
 
 
 def staged_start(
@@ -92,16 +93,12 @@ def staged_start(
     between = tuple(e for e in shown if e in BETWEEN_SENSORS)
     if shown:
         progress(f"best so far: {' + '.join(shown)}, from the frequency responses", 0.0)
-    if leaves_much(pieces, best, BENT_RATIO):
-        progress("first fit: refitting friction", 0.0)
-        anew = _fitted(pieces, best.free.free, with_friction_of(first.guess, best.table, model))
-        best = min(best, anew, key=attrgetter("cost"))
     if not leaves_much(pieces, best):
         best = with_lag_parted(pieces, best, TOLERANCE)
     table, shifts = best.table, estimated_null_shifts(model, best, data.estimation, data.validation)
-    return StartingPoint(
-        table.without(shown), data.with_nuisances(NuisanceEstimates(shifts=shifts)), table, shown, between
-    )
+    unbent = with_friction_of(first.guess, table, model).without(shown)
+    data = data.with_nuisances(NuisanceEstimates(shifts=shifts))
+    return StartingPoint(table.without(shown), data, table, unbent, shown, between)
 
 
 @dataclass(frozen=True)
@@ -157,9 +154,9 @@ def quicker_than_sensor(table: TableParameters, delay: float) -> bool:
     return table.value("effects.command_delay.delay") + valve < delay
 
 
-def leaves_much(pieces: RecordingProblem, found: Fit, ratio: float = HIGH_RATIO) -> bool:
-    """Whether a fit leaves so much above the noise that its end tells nothing, or so many times the noise."""
-    return 2.0 * found.cost >= ratio**2 * pieces.noise_cost() * pieces.count
+def leaves_much(pieces: RecordingProblem, found: Fit) -> bool:
+    """Whether a fit leaves so much above the noise that its end tells nothing."""
+    return 2.0 * found.cost >= HIGH_RATIO**2 * pieces.noise_cost() * pieces.count
 
 
 def effects_between_sensors(table: TableParameters, sensors: SensorPair, may_lack: Sequence[str]) -> dict[str, float]:
