@@ -100,15 +100,10 @@ class Fit:
             raise ValueError(f"x of shape {self.x.shape} for {len(self.free.names)} free parameters")
 
 
-def costs(problem: Problem, free: FreeParameters, rows: np.ndarray) -> np.ndarray:
-    """Half the sum of squares that each row of x leaves, LOST a residual where there is no number, shape (m,)."""
-    left = np.nan_to_num(problem.residuals(free.vectors(rows)), nan=LOST)
-    return 0.5 * np.asarray(np.sum(left**2, axis=1))
-
-
 def best_start(problem: Problem, free: FreeParameters, rows: np.ndarray) -> np.ndarray:
-    """The row of x that leaves the least sum of squares, shape (p,)."""
-    return np.asarray(rows[int(np.argmin(costs(problem, free, rows)))])
+    """The row of x that leaves the least sum of squares, LOST a residual where there is no number, shape (p,)."""
+    left = np.nan_to_num(problem.residuals(free.vectors(rows)), nan=LOST)
+    return np.asarray(rows[int(np.argmin(np.sum(left**2, axis=1)))])
 
 
 def is_smooth(problem: Problem) -> bool:
