@@ -74,8 +74,8 @@ def model_structure(begin: StartingPoint | TableParameters, model: DeclaredModel
     if model.nuisances:
         free = (*free, *null_shifts_of(len({r.run for r in start.data.estimation}), free))
     effects = effect_candidates(model, start.fitted, start.data.estimation)
-    shown = start.fitted, start.shown, start.between, start.unbent
-    return ModelStructure(start.table, free, late, effects, model, *shown)
+    begun = start.fitted, start.shown, start.between, start.unbent
+    return ModelStructure(start.table, free, late, effects, model, *begun)
 
 
 def search_settings(model: DeclaredModel = FULL) -> SearchSettings:

@@ -119,14 +119,14 @@ def linearised(
     """
     model, p = fitted.model, len(fitted.model.x)
     declared, trials = with_declared_friction(model), trials_of(candidates)
-    rows, places = [declared.vectors(declared.x)], list[tuple[int, ...]]()
+    rows, places = list[np.ndarray](), list[tuple[int, ...]]()
     for t in trials:
-        places.append(tuple(range(len(rows) - 1, len(rows) - 1 + len(t.directions))))
+        places.append(tuple(range(len(rows), len(rows) + len(t.directions))))
         for values in t.directions:
             bigger = (declared if t.with_declared_friction else model).with_effect(t.candidate, values)
             rows.append(bigger.vectors(bigger.x)[0])
     at, step = differences(fitted.prediction, model, model.x)
-    data, vectors = (fitted.prediction, *beside), np.vstack([at, *rows])
+    data, vectors = (fitted.prediction, *beside), np.vstack([at, declared.vectors(declared.x), *rows])
     few = [prediction.part(SCREENED) for prediction in data]
     sizes = [size for prediction in few for size in prediction.run_sizes()]
     found = np.hstack([prediction.residuals(vectors) for prediction in few])
@@ -136,7 +136,7 @@ def linearised(
     d = without_lost_runs((found[p + 2 :] - np.reshape(bases, (-1, len(r)))).T, sizes)
     d = np.hstack([d, j[:, list(moved)]])
     trials += tuple(EffectTrial(c, ({c.strength.name: c.strength.scale},)) for c in moved.values())
-    places += [(len(rows) - 1 + i,) for i in range(len(moved))]
+    places += [(len(rows) + i,) for i in range(len(moved))]
     j = np.hstack([j, without_lost_runs((friction - r)[:, None], sizes)])
     prior = np.hstack([model.prior[0], np.zeros((len(model.prior[0]), 1))])
     normal = normal_matrix(j.T @ j, prior)

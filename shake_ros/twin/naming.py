@@ -231,6 +231,7 @@ class Naming:
         some = fitted.prediction.part(SCREENED)
         whole = fitted.prediction.count / some.count
         known = replace(self.model.known, covariance=whole * self.model.known.covariance)
+        # friction is declared as it stands: what is known holds it, so that nothing has bent it
         model = replace(self.model, table=self.model.at(x).found_table(), x=x, known=known)
         part = replace(fitted, model=model, prediction=some)
         lin, found = linearised(part, tried, moved), dict[str, tuple[TriedEffect, EffectSet]]()

@@ -144,7 +144,7 @@ def _first_fit(
     if (behind := better_filter(pieces, best)) is not None:
         data = data.with_nuisances(NuisanceEstimates(behind))
         pieces = _pieces(model, data)
-        best = _fitted(pieces, moved, best.table)
+        best = _best_of(pieces, moved, (best.table,))
     return _FirstFit(data, pieces, guesses[0], best, shown)
 
 
@@ -191,11 +191,6 @@ def with_friction_of(guess: TableParameters, table: TableParameters, model: Unkn
 def _pieces(model: UnknownModel, data: Prepared) -> RecordingProblem:
     """What the first fits see."""
     return RecordingProblem(windows(data.estimation, PIECES, PIECE), model)
-
-
-def _fitted(pieces: RecordingProblem, free: Sequence[FreeParameter], start: TableParameters) -> Fit:
-    """A short fit to pieces."""
-    return _best_of(pieces, free, (start,))
 
 
 def _best_of(pieces: RecordingProblem, free: Sequence[FreeParameter], guesses: Sequence[TableParameters]) -> Fit:
