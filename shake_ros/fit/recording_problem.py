@@ -123,9 +123,9 @@ class RecordingProblem:
         for record, run, (w_v, w_a, w_x, w_p) in zip(self.records, runs, self._weights(), strict=True):
             velocity, acceleration, position, pressure = run
             if record.position_measured:
-                parts.append(w_v * (velocity - record.velocity)[:, record.start :])
+                parts.append(record.whitened(w_v * (velocity - record.velocity)[:, record.start :], 0))
             if record.acceleration is not None:
-                parts.append(-w_a * record.acceleration_left(acceleration))
+                parts.append(record.whitened(-w_a * record.acceleration_left(acceleration), 1))
             if position is not None:
                 parts.append(w_x * (position - record.position)[:, record.start :])
             if pressure is not None and record.pressure is not None:
@@ -141,7 +141,7 @@ class RecordingProblem:
         """Rows of residuals of one signal, or what they have below the band, as many samples of it as tell of it."""
         if self.band < HIGHEST / record.sample_time:
             part = low_pass(part, record.sample_time, self.band)
-        return record.in_band(part)[:, :: record.every]
+        return part[:, :: record.every]
 
     @staticmethod
     def _beyond(acceleration: np.ndarray, record: Record) -> np.ndarray:

@@ -17,6 +17,7 @@ from functools import cached_property
 from typing import ClassVar, NamedTuple, final
 
 import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 
 from shake_ros.physics.plant.parameters import FULL_LAYOUT, TableLayout, TableParameters
 from shake_ros.physics.plant.simulation import (
@@ -53,12 +54,18 @@ class ExplainedBand:
 
     highest : frequency of it [Hz]. beyond : standard deviation of the acceleration above [m/s²].
     velocity, acceleration : of what it leaves of them there [m/s], [m/s²].
+    lines : frequencies [Hz], shape (k,). whitening : gains at these by which what it leaves of the velocity and of the
+    acceleration becomes white and as large [-], shape (2, k). level : of that about each sample, over its rms [-],
+    shape (2, n).
     """
 
     highest: float
     beyond: float
     velocity: float
     acceleration: float
+    lines: np.ndarray = field(repr=False)
+    whitening: np.ndarray = field(repr=False)
+    level: np.ndarray = field(repr=False)
 
 
 @dataclass(frozen=True)
@@ -129,6 +136,7 @@ class Record:
             begin=self.begin + first * self.sample_time,
             command_before=float(self.commands[first - 1]) if first else self.command_before,
             valid=None if self.valid is None else self.valid[span],
+            explained=self.explained and replace(self.explained, level=self.explained.level[:, span]),
             own=(),
         )
 
@@ -169,6 +177,18 @@ class Record:
     def in_band(self, values: np.ndarray) -> np.ndarray:
         """What a signal has where the command explains the response, along its last axis."""
         return values if self.explained is None else low_pass(values, self.sample_time, self.explained.highest)
+
+    def whitened(self, values: np.ndarray, channel: int) -> np.ndarray:
+        """What rows of residuals of velocity (channel 0) or acceleration (1) have in that band; noise is even there."""
+        if self.explained is None:
+            return values
+        n, lines, whitening = values.shape[-1], self.explained.lines, self.explained.whitening[channel]
+        beyond = min(round(1.0 / (lines[1] * self.sample_time)), n - 1)
+        mirrored = np.pad(self.in_band(values), [(0, 0), (beyond, beyond)], mode="reflect")
+        size = next_fast_len(mirrored.shape[-1], real=True)
+        gain = np.interp(rfftfreq(size, self.sample_time), lines, whitening)
+        white = irfft(gain * rfft(mirrored, size), size)[:, beyond : beyond + n]
+        return np.asarray(white / self.explained.level[channel, self.start :])
 
     @property
     def every(self) -> int:

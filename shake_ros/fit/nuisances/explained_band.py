@@ -3,9 +3,10 @@
 Noise in the valve, friction that catches and rings the oil column, and play shake a laboratory's table by as much as a
 small earthquake does. Its phase is nobody's doing: a free run cannot have it. Where much of the acceleration's power
 lies above the frequency from which it is no longer coherent with the command, a run is compared below that alone, and
-should be calm above; what a linear filter of the command leaves below counts as noise. The load pressure follows what
-shakes the table more than the command, so it is not compared. Little of what a nonlinear table does lies beyond: what
-its nonlinearity adds to a wide command is partly coherent with it.
+should be calm above. What a linear filter of the command leaves below counts as noise, at each frequency and at each
+time as much as there is: else slow drift would hide a specimen's mode, and the loudest seconds all others. The load
+pressure follows what shakes the table more than the command, so it is not compared. Little of what a nonlinear table
+does lies beyond: what its nonlinearity adds to a wide command is partly coherent with it.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 from scipy.signal import csd, welch
 
 from shake_ros.fit.records import ExplainedBand, Record
@@ -26,6 +28,8 @@ COHERENT = 0.15  # part of the acceleration's power in a band, below which the c
 MUCH = 0.1  # part of its whole power that lies above at least
 LOWEST, PER_OCTAVE = 2.0, 3  # bands that are looked at [Hz]
 MEMORY = 1.0  # of a filter [s]
+LEAST_POWER = 1e-3  # of noise at a frequency in parts of its largest, and at a time in parts of its mean
+NOTHING = 1e-300  # power of a signal that stands still
 PER_PERIOD = 2.5  # coefficients of a filter in a period of the highest frequency
 
 
@@ -72,11 +76,35 @@ def limited(records: Sequence[Record], band: float, learnt: Sequence[Record] = (
         own = _Normal.of(r, band)
         others = [n for n in equations if n.run != r.run and n.square.shape == own.square.shape] or [own]
         square, right = np.sum([n.square for n in others], axis=0), np.sum([n.right for n in others], axis=0)
-        left = own.signals - own.terms @ np.linalg.lstsq(square, right, rcond=None)[0]
-        levels = np.minimum(np.std(left, axis=0), np.std(own.signals, axis=0))  # another motion's filter may not fit
+        told = own.terms @ np.linalg.lstsq(square, right, rcond=None)[0]
+        # another motion's filter may not fit
+        levels = np.minimum(np.std(own.signals - told, axis=0), np.std(own.signals, axis=0))
         beyond = float(np.std(_felt(r) - own.signals[:, 1]))
-        found.append(replace(r, pressure=None, explained=ExplainedBand(band, beyond, *levels.tolist())))
+        signals = np.column_stack([r.velocity[r.start :], _felt(r)])
+        left = signals - signals.mean(axis=0) - told
+        even = np.ones((2, len(r.commands)))
+        velocity, acceleration = levels.tolist()
+        explained = ExplainedBand(band, beyond, velocity, acceleration, *_whitening(left, r, band), even)
+        in_band = replace(r, pressure=None, explained=explained)
+        level = np.stack([_level(in_band.whitened(left[None, :, c], c)[0], r) for c in range(2)])
+        found.append(replace(in_band, explained=replace(explained, level=level)))
     return found
+
+
+def _whitening(left: np.ndarray, record: Record, band: float) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies [Hz] and gains by which signals, shape (n, 2), become white below a frequency [Hz], and as large."""
+    rate = 1.0 / record.sample_time
+    lines, power = welch(left, rate, nperseg=min(round(SEGMENT * rate), len(left)), detrend=False, axis=0)
+    power = np.maximum(power, LEAST_POWER * np.max(power, axis=0)) + NOTHING
+    inside = lines < band
+    return lines, np.where(inside, np.sqrt(np.mean(power[inside], axis=0) / power).T, 0.0)
+
+
+def _level(white: np.ndarray, record: Record) -> np.ndarray:
+    """Root mean square of a signal about each sample of a recording, over that of all, shape (n,); from `start` on."""
+    square = white**2 / np.mean(white**2 + NOTHING)
+    square = uniform_filter1d(square, round(SEGMENT / record.sample_time), mode="nearest")
+    return np.sqrt(np.pad(np.maximum(square, LEAST_POWER), (record.start, 0), mode="edge"))
 
 
 @dataclass(frozen=True)

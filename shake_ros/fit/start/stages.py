@@ -21,7 +21,7 @@ from shake_ros.fit.nuisances.sensor_filter import behind_filter, better_filter
 from shake_ros.fit.nuisances.sensor_pair import SensorPair
 from shake_ros.fit.recording_problem import RecordingProblem
 from shake_ros.fit.records import windows
-from shake_ros.fit.start.linear_table import moved_ahead
+from shake_ros.fit.start.linear_table import SpecimenMode, moved_ahead
 from shake_ros.fit.start.narrow_valleys import arrived, predictor_start, with_lag_parted
 from shake_ros.fit.start.unknown_model import FirstGuess, UnknownModel
 from shake_ros.physics.plant.parameters import TableParameters
@@ -87,7 +87,7 @@ def staged_start(
     first = _first_fit(model, free, effects, data, progress)
     if not data.ahead and quicker_than_sensor(first.best.table, data.delay):
         progress("first fit: the position may be early, not the acceleration late", 0.0)
-        other = _first_fit(model, free, effects, moved_ahead(data, data.delay), progress)
+        other = _first_fit(model, free, effects, moved_ahead(data, data.delay), progress, first.mode)
         first = min(first, other, key=attrgetter("best.cost"))
     data, pieces, best, shown = first.data, first.pieces, first.best, first.shown
     between = tuple(e for e in shown if e in BETWEEN_SENSORS)
@@ -103,13 +103,14 @@ def staged_start(
 
 @dataclass(frozen=True)
 class _FirstFit:
-    """The fit from the first guess, and that. shown : the effects that it has."""
+    """The fit from the first guess, and that. shown : the effects that it has. mode : of its specimen."""
 
     data: Prepared
     pieces: RecordingProblem
     guess: TableParameters
     best: Fit
     shown: tuple[str, ...]
+    mode: SpecimenMode | None
 
 
 def _first_fit(
@@ -118,10 +119,14 @@ def _first_fit(
     effects: ParametersOf,
     data: Prepared,
     progress: Callable[[str, float], None],
+    mode: SpecimenMode | None = None,
 ) -> _FirstFit:
-    """The best fit from a first guess, with the effects that the frequency responses show."""
+    """The best fit from a first guess, with the effects that the frequency responses show.
+
+    mode : of a specimen that shows otherwise.
+    """
     assert model.table is not None
-    first = FirstGuess(data.estimation, data.sensors)
+    first = FirstGuess(data.estimation, data.sensors, mode)
     may_lack = tuple(effect for effect in SHOWN if model.may_lack(effect))
 
     def shown_on(table: TableParameters) -> dict[str, float]:
@@ -145,7 +150,7 @@ def _first_fit(
         data = data.with_nuisances(NuisanceEstimates(behind))
         pieces = _pieces(model, data)
         best = _best_of(pieces, moved, (best.table,))
-    return _FirstFit(data, pieces, guesses[0], best, shown)
+    return _FirstFit(data, pieces, guesses[0], best, shown, first.linear.specimen)
 
 
 def quicker_than_sensor(table: TableParameters, delay: float) -> bool:

@@ -38,11 +38,17 @@ PIECES = 15.0  # of the recordings that the grid is run over [s]
 
 
 class FirstGuess:
-    """Linear table and range of motion of the recordings, from which tables are made in any gauge."""
+    """Linear table and range of motion of the recordings, from which tables are made in any gauge.
 
-    def __init__(self, records: Sequence[Record], sensors: SensorPair = ALIKE) -> None:
+    mode : of a specimen that shows otherwise, where it shows none.
+    """
+
+    def __init__(
+        self, records: Sequence[Record], sensors: SensorPair = ALIKE, mode: SpecimenMode | None = None
+    ) -> None:
         self.records = list(records)
-        self.linear = linear_table(records, sensors)
+        linear = linear_table(records, sensors)
+        self.linear = replace(linear, specimen=linear.specimen or mode)
         self.reach = max(float(np.max(np.abs(r.position))) for r in records)
         self.largest = max(float(np.percentile(np.abs(self._acceleration(r)), 99.9)) for r in records)
 

@@ -14,6 +14,7 @@ from shake_ros.fit.records import Record, windows
 from shake_ros.settings import load_table
 
 DT, SECONDS = 1.0 / 256.0, 60.0
+BANDS = (2.2, 3.8), (8.0, 9.6)  # of equal width [Hz]
 EDGE = 12.0  # of the command, and of what a table without noise does [Hz]
 
 
@@ -64,6 +65,38 @@ def test_below_the_band_the_noise_is_what_no_filter_explains() -> None:
     shaken = Record("shaken", DT, r.commands, r.position, r.acceleration + 2.0 * calm)
     (found,) = limited([shaken], 20.0)
     assert found.acceleration_noise() == pytest.approx(2.0, rel=0.1)
+
+
+def test_whitening_makes_the_noise_equal_at_all_frequencies_of_the_band_and_keeps_its_size() -> None:
+    def size(values: np.ndarray, band: tuple[float, float]) -> float:
+        return float(np.std(sosfilt(butter(6, band, "bandpass", fs=1.0 / DT, output="sos"), values)))
+
+    def noise(seed: int) -> np.ndarray:
+        return np.asarray(2.0 * coloured(seed, 2.0, 4.0) + 0.2 * coloured(seed + 1, 4.0, 16.0))
+
+    r = record(4.0)
+    assert r.acceleration is not None
+    (found,) = limited([replace(r, acceleration=r.acceleration + noise(7))], 16.0)
+    before = noise(9)[found.start :]
+    white = found.whitened(before[None, :], 1)[0]
+    assert size(before, BANDS[0]) > 10.0 * size(before, BANDS[1])
+    assert size(white, BANDS[0]) == pytest.approx(size(white, BANDS[1]), rel=0.5)
+    assert np.std(white) == pytest.approx(found.acceleration_noise(), rel=0.3)
+
+
+def test_noise_that_is_louder_for_a_while_counts_as_much_there_as_elsewhere() -> None:
+    loud, r = slice(round(20.0 / DT), round(40.0 / DT)), record(4.0)
+    louder = np.ones(len(r.commands))
+    louder[loud] = 5.0
+    assert r.acceleration is not None
+    (found,) = limited([replace(r, acceleration=r.acceleration + louder * coloured(7, 2.0, 16.0))], 16.0)
+    white = np.zeros(len(louder))
+    white[found.start :] = found.whitened((louder * coloured(9, 2.0, 16.0))[None, found.start :], 1)[0]
+    within, before = np.std(white[loud]), np.std(white[found.start : round(18.0 / DT)])
+    assert within == pytest.approx(before, rel=0.3)
+    piece = found.part(slice(round(22.0 / DT), round(30.0 / DT)))
+    of_piece = 5.0 * coloured(11, 2.0, 16.0)[None, loud][:, : len(piece.commands) - piece.start]
+    assert np.std(piece.whitened(of_piece, 1)) == pytest.approx(within, rel=0.3)
 
 
 def test_the_noise_of_a_recording_is_what_a_filter_of_others_leaves() -> None:
