@@ -222,7 +222,7 @@ def concluded(
         tentative = problem.validation.errors(selection.final.fit.vector) if dropped else {}
     searched = problem.estimation.blocks()
     with failures.step("final fit"):
-        if problem.partial and not time_is_over():
+        if problem.partial:
             problem.progress("final fit to all estimation data", 0.8)
             problem, found = on_whole(problem, found, estimation)
         found = found.on(lambda m: m, problem.refitted) if problem.predictor_rate > 0.0 else found
