@@ -17,7 +17,6 @@ from functools import cached_property
 from typing import ClassVar, NamedTuple, final
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 
 from shake_ros.physics.plant.parameters import FULL_LAYOUT, TableLayout, TableParameters
 from shake_ros.physics.plant.simulation import (
@@ -34,7 +33,7 @@ from shake_ros.physics.plant.states import CLOCK, VELOCITY
 from shake_ros.quantities import ShakeError
 from shake_ros.signals.noise import periodic_deviation, resolution, white_deviation
 from shake_ros.signals.stretches import energies
-from shake_ros.signals.velocity_filter import derivative, low_pass, velocity_noise_gain
+from shake_ros.signals.velocity_filter import derivative, low_pass, velocity_noise_gain, with_gains
 
 SHORTEST = 1.0  # a part of a recording that is shorter than this tells nothing of the dynamics [s]
 SETTLE = 0.5  # start of a recording that is simulated but not compared [s]: pressures are not known there …
@@ -182,13 +181,10 @@ class Record:
         """What rows of residuals of velocity (channel 0) or acceleration (1) have in that band; noise is even there."""
         if self.explained is None:
             return values
-        n, lines, whitening = values.shape[-1], self.explained.lines, self.explained.whitening[channel]
-        beyond = min(round(1.0 / (lines[1] * self.sample_time)), n - 1)
-        mirrored = np.pad(self.in_band(values), [(0, 0), (beyond, beyond)], mode="reflect")
-        size = next_fast_len(mirrored.shape[-1], real=True)
-        gain = np.interp(rfftfreq(size, self.sample_time), lines, whitening)
-        white = irfft(gain * rfft(mirrored, size), size)[:, beyond : beyond + n]
-        return np.asarray(white / self.explained.level[channel, self.start :])
+        band = self.explained
+        below = self.in_band(values)  # first: what rings beyond would break at the mirrored ends
+        white = with_gains(below, self.sample_time, band.lines, band.whitening[channel])
+        return np.asarray(white / band.level[channel, self.start :])
 
     @property
     def every(self) -> int:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import functools
 
 import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.interpolate import make_interp_spline, make_lsq_spline
 from scipy.signal import butter, sosfiltfilt
 
@@ -23,6 +24,21 @@ def low_pass(values: np.ndarray, sample_time: float, cutoff: float = CUTOFF) -> 
     """Zero-phase Butterworth low-pass along the last axis, at 0.4 of the sampling rate at most."""
     sections = butter(ORDER, min(cutoff * 2.0 * sample_time, 0.8), output="sos")
     return np.asarray(sosfiltfilt(sections, values, axis=-1))
+
+
+def with_gains(values: np.ndarray, sample_time: float, lines: np.ndarray, gains: np.ndarray) -> np.ndarray:
+    """A signal with gains at frequencies, without phase, along its last axis; mirrored at its ends.
+
+    Parameters
+    ----------
+    lines : frequencies [Hz], evenly from 0 on, shape (k,). gains : at these [-], shape (k,).
+    """
+    count = values.shape[-1]
+    beyond = min(round(1.0 / (lines[1] * sample_time)), count - 1)
+    mirrored = np.pad(values, [(0, 0)] * (values.ndim - 1) + [(beyond, beyond)], mode="reflect")
+    size = next_fast_len(mirrored.shape[-1], real=True)
+    gain = np.interp(rfftfreq(size, sample_time), lines, gains)
+    return np.asarray(irfft(gain * rfft(mirrored, size), size)[..., beyond : beyond + count])
 
 
 def _beyond(samples: int, sample_time: float) -> int:

@@ -20,7 +20,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import csd, welch
 
 from shake_ros.fit.records import ExplainedBand, Record
-from shake_ros.signals.velocity_filter import low_pass
+from shake_ros.signals.velocity_filter import low_pass, with_gains
 
 SEGMENT, FEWEST = 4.0, 8  # length of the spectra's segments, in which a lightly damped mode rings out [s]; least number
 INDEPENDENT = 0.6  # part of the segments, which overlap by half
@@ -82,12 +82,13 @@ def limited(records: Sequence[Record], band: float, learnt: Sequence[Record] = (
         beyond = float(np.std(_felt(r) - own.signals[:, 1]))
         signals = np.column_stack([r.velocity[r.start :], _felt(r)])
         left = signals - signals.mean(axis=0) - told
-        even = np.ones((2, len(r.commands)))
+        lines, gains = _whitening(left, r, band)
+        below = low_pass(left.T, r.sample_time, band)
+        white = [with_gains(v, r.sample_time, lines, g) for v, g in zip(below, gains, strict=True)]
+        level = np.stack([_level(w, r) for w in white])
         velocity, acceleration = levels.tolist()
-        explained = ExplainedBand(band, beyond, velocity, acceleration, *_whitening(left, r, band), even)
-        in_band = replace(r, pressure=None, explained=explained)
-        level = np.stack([_level(in_band.whitened(left[None, :, c], c)[0], r) for c in range(2)])
-        found.append(replace(in_band, explained=replace(explained, level=level)))
+        explained = ExplainedBand(band, beyond, velocity, acceleration, lines, gains, level)
+        found.append(replace(r, pressure=None, explained=explained))
     return found
 
 
