@@ -45,7 +45,11 @@ class Started:
     def end(self) -> int:
         """Ctrl-C; returns the exit code."""
         self.process.send_signal(signal.SIGINT)
-        return self.process.wait(60)
+        try:
+            return self.process.wait(60)
+        except subprocess.TimeoutExpired:
+            self.process.send_signal(signal.SIGABRT)
+            raise AssertionError(f"not ended 60 s after Ctrl-C: {self.lines}") from None
 
     def __enter__(self) -> Started:
         return self

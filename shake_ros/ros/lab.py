@@ -12,6 +12,7 @@ import signal
 import sys
 import tempfile
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 
 from shake_ros.page.desk import Exchange
@@ -20,7 +21,7 @@ from shake_ros.ros.exclusive_writer import ExclusiveWriter
 from shake_ros.ros.graph import Graph, NodeSpec, Value, awaited, command
 from shake_ros.ros.graph_client import LiveGraph
 from shake_ros.ros.interface import ESTIMATE, JOINT_STATES, NAMESPACE, REFERENCE, VALVE_COMMAND
-from shake_ros.ros.loop import ros_context
+from shake_ros.ros.loop import TAKEN_DOWN, ends_within, ros_context
 from shake_ros.ros.supervisor import Supervisor, begin
 
 LOOP = "loop"  # the process of a composed graph
@@ -209,10 +210,21 @@ def main(arguments: Sequence[str]) -> int:
     if warning := crowded(given, len(os.sched_getaffinity(0))):
         print(f"lab: warning: {warning}", file=sys.stderr, flush=True)
     domain = int(os.environ.get("ROS_DOMAIN_ID", "0"))
-    with tempfile.TemporaryDirectory(prefix="shake_ros-lab-") as folder, ros_context([], domain_id=domain) as context:
-        exchange = Exchange(Path(folder))
+    with ros_context([], domain_id=domain) as context:
         live = LiveGraph(context, NAMESPACE)
-        refuse_a_second_graph(live, domain)
+        code = 1
+        try:
+            code = _supervised(given, live, domain)
+        finally:
+            with ends_within(TAKEN_DOWN, code):  # the nodes leave as well
+                live.close()
+    return code
+
+
+def _supervised(given: argparse.Namespace, live: LiveGraph, domain: int) -> int:
+    """The graph's processes from their start to their end."""
+    refuse_a_second_graph(live, domain)
+    with tempfile.TemporaryDirectory(prefix="shake_ros-lab-") as folder, closing(Exchange(Path(folder))) as exchange:
         graph = Graph(nodes(given, exchange.path), domain_id=domain, lockstep=given.lockstep)
         later = begins_later(given)
         start = begin(live, later, later and given.play)
@@ -223,5 +235,3 @@ def main(arguments: Sequence[str]) -> int:
             return supervisor.run()
         finally:
             graph.kill()
-            exchange.close()
-            live.close()
