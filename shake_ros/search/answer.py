@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from shake_ros.failures import RAISING, Failures
-from shake_ros.fit.free_parameters import is_of_recording
+from shake_ros.fit.free_parameters import FreeParameter, is_of_recording
 from shake_ros.fit.likelihood import FreeRuns, Levels, ShakenRuns
 from shake_ros.fit.model import SENSOR_DELAY, SENSOR_FILTER, SENSOR_SCALE, FreeModel, TriedEffect, start_of
 from shake_ros.fit.nuisances.sensor_filter import SensorFilter, filter_of
@@ -62,7 +62,7 @@ def answer(
     unknown, shaken = model.simulator.nuisances, estimation[0].explained is not None
     apart = unknown and not shaken and estimation[0].position_measured  # else its delay is the command's
     behind = filter_of(estimation[0]) if apart else None
-    begin = beginning(model, behind, pressure_scale(model.table, estimation) if unknown else None)
+    begin = beginning(model, sensors_at_first(model.table, estimation, behind) if unknown else {})
     models, others, done = list[Scored](), dict[str, list[Scored]](), False
     with failures.step("search"):
         for better in search.run(begin, UNKNOWN if unknown else DECLARED):
@@ -96,19 +96,14 @@ def search_data(
     return SearchData(*(runs([Segment.of(r) for r in part], Levels()) for part in parts))
 
 
-def beginning(model: ModelStructure, behind: SensorFilter | None, pressure: float | None) -> FreeModel:
+def beginning(model: ModelStructure, sensors: Mapping[FreeParameter, float]) -> FreeModel:
     """The model with the effects that show without a search, from which it begins.
 
-    behind : delay and filter of the accelerometer, where these are free: of an unknown table that its command explains
-        and whose position was measured.
-    pressure : scale of the pressures measured, where it is free.
+    sensors : values of what is free of the sensors.
     """
     own = [p for p in (*model.free, *model.late) if not is_of_recording(p.name)]
-    start = {} if pressure is None else {SENSOR_SCALE: pressure}
-    if behind is not None:  # the delay beside the filter has been taken out of the recordings
-        start |= {SENSOR_DELAY: 0.0, SENSOR_FILTER: behind.by_filter}
-    found = replace(start_of(model.table, (*own, *start)), table=model.unbent or model.table)
-    found = found.at(np.concatenate([found.x[: len(own)], [value / p.scale for p, value in start.items()]]))
+    found = replace(start_of(model.table, (*own, *sensors)), table=model.unbent or model.table)
+    found = found.at(np.concatenate([found.x[: len(own)], [value / p.scale for p, value in sensors.items()]]))
     for c in model.candidates:
         if model.fitted is not None and c.effect in model.shown:
             values = {p.name: model.fitted.value(p.name) for p in c.free}
@@ -116,13 +111,24 @@ def beginning(model: ModelStructure, behind: SensorFilter | None, pressure: floa
     return found
 
 
-def pressure_scale(table: TableParameters, records: Sequence[Record]) -> float | None:
-    """Load pressure measured, over what moves the mass of a table; None where none was measured."""
+def sensors_at_first(
+    table: TableParameters, records: Sequence[Record], behind: SensorFilter | None
+) -> dict[FreeParameter, float]:
+    """Values with which the free parameters of the sensors begin.
+
+    behind : delay and filter of the accelerometer, where these are free: of an unknown table that its command explains
+        and whose position was measured.
+    """
+    start = dict[FreeParameter, float]()
     both = [(r.pressure, r.acceleration) for r in records]
     sizes = [float(np.std(p) / np.std(a)) for p, a in both if p is not None and a is not None]
-    if not sizes:
-        return None
-    return float(np.median(sizes)) * table.value("body.piston_area") / table.moved_mass
+    if sizes:
+        start[SENSOR_SCALE] = float(np.median(sizes)) * table.value("body.piston_area") / table.moved_mass
+    if behind is not None:
+        first = behind.noticeable(records[0].sample_time)
+        delay = replace(SENSOR_DELAY, low=min(first.pure, 0.0) - behind.pure)  # no sensor is ahead of the motion
+        start |= {delay: first.pure - behind.pure, SENSOR_FILTER: first.by_filter}
+    return start
 
 
 def found_filter(model: FreeModel, before: SensorFilter) -> SensorFilter:
