@@ -365,7 +365,7 @@ LIMITS = {  # within which levels of noise are estimated
     "acceleration": (1.0, 1e3),
     "position": (1.0, 1e3),
     "pressure": (1.0, 1e3),
-    "null_drift": (1e-7, 1e-3),
+    "null_drift": (1e-7, 1e-2),
     "memory": (4e-3, 0.1),
 }
 FACTORS = (4.0, 1.6)  # by which they are moved, as long as that helps

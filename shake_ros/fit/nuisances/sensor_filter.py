@@ -51,12 +51,6 @@ class SensorFilter:
         """Of the filter [Hz]; 0 where there is none."""
         return FILTER_DELAY / self.by_filter if self.by_filter > 0.0 else 0.0
 
-    def noticeable(self, sample_time: float) -> SensorFilter:
-        """The same delay with at least the filter of a usual recorder: one far beyond the recording moves no residual,
-        so no fit would find it from there.
-        """
-        return SensorFilter(self.delay, max(self.by_filter, FILTER_DELAY * sample_time / CUTOFFS[0]))
-
     def applied(self, record: Record) -> Record:
         """The recording with the pure delay taken out; the filter's stays, for the simulation to have it as well."""
         present = filter_of(record)
