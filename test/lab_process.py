@@ -48,7 +48,7 @@ class Started:
         try:
             return self.process.wait(60)
         except subprocess.TimeoutExpired:
-            self.process.send_signal(signal.SIGABRT)
+            self.process.kill()
             raise AssertionError(f"not ended 60 s after Ctrl-C: {self.lines}") from None
 
     def __enter__(self) -> Started:

@@ -216,13 +216,13 @@ def main(arguments: Sequence[str]) -> int:
         try:
             code = _supervised(given, live, domain)
         finally:
-            with ends_within(TAKEN_DOWN, code):  # the nodes leave as well
+            with ends_within(TAKEN_DOWN, code):  # the middleware may not return while the nodes leave, see loop.py
                 live.close()
     return code
 
 
 def _supervised(given: argparse.Namespace, live: LiveGraph, domain: int) -> int:
-    """The graph's processes from their start to their end."""
+    """Run the graph's processes to their end; returns the exit code."""
     refuse_a_second_graph(live, domain)
     with tempfile.TemporaryDirectory(prefix="shake_ros-lab-") as folder, closing(Exchange(Path(folder))) as exchange:
         graph = Graph(nodes(given, exchange.path), domain_id=domain, lockstep=given.lockstep)

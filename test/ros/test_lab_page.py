@@ -125,7 +125,7 @@ def test_table_is_run_tripped_recorded_learned_from_and_lost_by_mouse(ros_domain
         assert not operator.find("#stop").is_enabled()
 
 
-@pytest.mark.alone  # lab, twin and browser: more than two processors beside another test
+@pytest.mark.alone  # lab, twin and browser keep two processors busy
 @pytest.mark.second_tier
 def test_twin_is_watched_released_and_taken_back_by_mouse(ros_domain, tmp_path, operator) -> None:
     with Started(*options(tmp_path, pace=4.0)) as lab:
