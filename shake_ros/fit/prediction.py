@@ -31,7 +31,7 @@ from shake_ros.physics.plant.prediction import (
     predict,
     relevelled,
 )
-from shake_ros.physics.plant.sensors import filter_step
+from shake_ros.physics.plant.sensors import FILTER_DELAY
 from shake_ros.physics.plant.simulation import NO_PACE, build_film, moving_state, workers
 from shake_ros.physics.plant.states import (
     BASE,
@@ -148,8 +148,8 @@ class Predictor(Likelihood):
 
     def _filter(self, vector: np.ndarray, s: Segment) -> FilteredSegment:
         table, n, levels = vector[:TABLE], len(s.commands), self.levels
-        chain = chain_of(vector, s.dt)
-        codes = [*coordinates(table), FORCE, NULL, BIAS, *([FILTERED, FILTER_RATE] if len(chain) else [])]
+        cutoff = cutoff_of(vector, s.dt)
+        codes = [*coordinates(table), FORCE, NULL, BIAS, *([FILTERED, FILTER_RATE] if cutoff else [])]
         numbers = np.array([*codes, *([] if s.pressure is None else [PRESSURE_OFFSET])], dtype=np.int64)
         size, channels = len(numbers), len(s.noise)
         gains, sensing = np.zeros((n, size, channels)), np.zeros((n, size, channels))
@@ -158,7 +158,7 @@ class Predictor(Likelihood):
         path = kalman(
             *(FULL_LAYOUT.alone(table)[0], s.commands, s.command_before, s.measured(vector[TABLE]), numbers),
             *(*deviations(table, s, levels, numbers), s.found_by, start_state(table, s), self.decay(s)),
-            *(s.dt, TOLERANCE, chain, vector[TABLE + 2], gains, whitening, out, transition, sensing),
+            *(s.dt, TOLERANCE, cutoff, vector[TABLE + 2], gains, whitening, out, transition, sensing),
         )
         return FilteredSegment(s, numbers, gains, whitening, out, path, transition, sensing)
 
@@ -240,7 +240,7 @@ class Predictor(Likelihood):
         predict(
             *(FULL_LAYOUT.alone(vector[:TABLE])[0], s.commands, s.command_before, s.measured(vector[TABLE]), run.codes),
             *(run.gains, start_state(vector[:TABLE], s), self.decay(s), s.dt, TOLERANCE),
-            *(chain_of(vector, s.dt), vector[TABLE + 2], run.pace, following, out),
+            *(cutoff_of(vector, s.dt), vector[TABLE + 2], run.pace, following, out),
         )
         return np.clip(np.nan_to_num(self._white(run, out), nan=LOST, posinf=LOST, neginf=-LOST), -LOST, LOST).ravel()
 
@@ -338,11 +338,10 @@ def deviations(
     return first, process, np.array(sensors)
 
 
-def chain_of(vector: np.ndarray, dt: float) -> np.ndarray:
-    """Step of the anti-aliasing filter of a parameter vector, see anti_alias.py."""
+def cutoff_of(vector: np.ndarray, dt: float) -> float:
+    """Cut-off of the anti-aliasing filter of a parameter vector [Hz]; 0 where it has none."""
     lag = float(vector[TABLE + 1])
-    cutoff = math.sqrt(2.0) / (2.0 * math.pi * lag) if lag > 0.05 * dt else 0.0
-    return filter_step(cutoff, dt)
+    return FILTER_DELAY / lag if lag > 0.05 * dt else 0.0
 
 
 def start_state(vector: np.ndarray, s: Segment) -> np.ndarray:
@@ -366,7 +365,7 @@ LIMITS = {  # within which levels of noise are estimated
     "acceleration": (1.0, 1e3),
     "position": (1.0, 1e3),
     "pressure": (1.0, 1e3),
-    "null_drift": (1e-7, 1e-1),
+    "null_drift": (1e-7, 1e-2),
     "memory": (4e-3, 0.1),
 }
 FACTORS = (4.0, 1.6)  # by which they are moved, as long as that helps

@@ -15,7 +15,7 @@ from shake_ros.explain.dependence import UNKNOWN, Remaining, remaining
 from shake_ros.explain.latent_force import LatentForce, latent_forces
 from shake_ros.failures import RAISING, Failures
 from shake_ros.fit.least_squares import never, time_is_over, within_budget
-from shake_ros.fit.nuisances.estimates import NuisanceEstimates, estimated_null_shifts, without_null_shifts
+from shake_ros.fit.nuisances.estimates import estimated_null_shifts, without_null_shifts
 from shake_ros.fit.records import FULL, DeclaredModel, Record
 from shake_ros.fit.solver import Budget
 from shake_ros.fit.start.backlash import BACKLASH, shows_backlash
@@ -110,10 +110,8 @@ def searched(
         return answer(model, estimation, validation, budget, report, failures, slow=slow)
 
     def fitted(given: GivenAnswer) -> tuple[SearchProblem, Selection]:
-        known = NuisanceEstimates(given.behind)
-        behind = begun.with_nuisances(known)
         with within_budget(deadline_passed):  # what the search has found is fitted even where it was stopped
-            models = behind, replace(selection_of(behind, model, given), nuisances=known)
+            models = begun, selection_of(begun, model, given)
         with failures.step("nuisance parameters"):
             models = with_nuisances(*models)
         return models

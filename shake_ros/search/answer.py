@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from shake_ros.failures import RAISING, Failures
-from shake_ros.fit.free_parameters import is_of_recording
+from shake_ros.fit.free_parameters import FreeParameter, is_of_recording
 from shake_ros.fit.likelihood import FreeRuns, Levels, ShakenRuns
-from shake_ros.fit.model import SENSOR_DELAY, SENSOR_FILTER, SENSOR_SCALE, FreeModel, TriedEffect, start_of
-from shake_ros.fit.nuisances.sensor_filter import SensorFilter, filter_of
+from shake_ros.fit.model import SENSOR, SENSOR_DELAY, SENSOR_FILTER, SENSOR_SCALE, FreeModel, TriedEffect, start_of
+from shake_ros.fit.nuisances.sensor_filter import SHORTEST_DELAY, filter_of
 from shake_ros.fit.nuisances.sensor_pair import BASE, base_between
 from shake_ros.fit.prediction import Predictor, SlowRuns
 from shake_ros.fit.records import Record, windows
@@ -26,6 +26,7 @@ from shake_ros.search.problem import ModelStructure
 from shake_ros.search.selection import GivenAnswer
 
 STIFFNESS = "effects.coupling_backlash.stiffness"
+LAGS = ("accelerometer_lag", "position_sensor_lag")
 SECONDS, PIECE = 14.0, 3.5  # of the estimation data that are fitted, and length of each piece [s]
 VALIDATION_SECONDS = 10.0  # of the validation data
 GAP = 1.25  # times the width that the dwells show, from which a backlash starts: a dwell is noticed late
@@ -59,10 +60,14 @@ def answer(
     slow = slow or BACKLASH in certain
     data = search_data(model, estimation, validation or estimation, slow)
     search = SetSearch(data, effects_tried(model, estimation, slow), budget, progress, shown, certain)
-    unknown, shaken = model.simulator.nuisances, estimation[0].explained is not None
-    apart = unknown and not shaken and estimation[0].position_measured  # else its delay is the command's
-    behind = filter_of(estimation[0]) if apart else None
-    begin = beginning(model, behind, pressure_scale(model.table, estimation) if unknown else None)
+    unknown, predicted = model.simulator.nuisances, type(data.estimation) is Predictor
+    pressure = pressure_scale(model.table, estimation) if unknown else None
+    sensors = {} if pressure is None else {SENSOR_SCALE: pressure}
+    by_filter = filter_of(estimation[0]).by_filter if unknown and isinstance(data.estimation, Predictor) else 0.0
+    if unknown and slow and estimation[0].position_measured:
+        # Else they are as the sensors show: beside a random force a predictor gains by a filter that is too slow
+        sensors |= {SENSOR_DELAY: 0.0, SENSOR_FILTER: by_filter}
+    begin = beginning(model, sensors, by_filter)
     models, others, done = list[Scored](), dict[str, list[Scored]](), False
     with failures.step("search"):
         for better in search.run(begin, UNKNOWN if unknown else DECLARED):
@@ -74,9 +79,9 @@ def answer(
     }
     reduced = {} if not models else {e: m.model.found_table() for e, m in search.reduced(models[-1]).items()}
     best = models[-1].model if models else begin
-    sensor = None if behind is None else found_filter(best, behind)
-    found, predicted = tuple(known[c.name] for c in best.effects), type(data.estimation) is Predictor
-    return GivenAnswer(best.found_table(), found, rivals, reduced, not done, sensor, predicted)
+    skews = [e.name for e in best.effects if unknown and is_skew(e, best, estimation[0].sample_time)]
+    found = tuple(known[c.name] for c in best.effects if c.name not in skews)
+    return GivenAnswer(best.found_table().without(skews), found, rivals, reduced, not done, predicted)
 
 
 def search_data(
@@ -96,19 +101,16 @@ def search_data(
     return SearchData(*(runs([Segment.of(r) for r in part], Levels()) for part in parts))
 
 
-def beginning(model: ModelStructure, behind: SensorFilter | None, pressure: float | None) -> FreeModel:
+def beginning(model: ModelStructure, sensors: Mapping[FreeParameter, float], by_filter: float) -> FreeModel:
     """The model with the effects that show without a search, from which it begins.
 
-    behind : delay and filter of the accelerometer, where these are free: of an unknown table that its command explains
-        and whose position was measured.
-    pressure : scale of the pressures measured, where it is free.
+    sensors : what is free of the sensors, with its value. by_filter : delay of the accelerometer's filter [s].
     """
     own = [p for p in (*model.free, *model.late) if not is_of_recording(p.name)]
-    start = {} if pressure is None else {SENSOR_SCALE: pressure}
-    if behind is not None:  # the delay beside the filter has been taken out of the recordings
-        start |= {SENSOR_DELAY: 0.0, SENSOR_FILTER: behind.by_filter}
-    found = replace(start_of(model.table, (*own, *start)), table=model.unbent or model.table)
-    found = found.at(np.concatenate([found.x[: len(own)], [value / p.scale for p, value in start.items()]]))
+    found = start_of(model.table, (*own, *sensors))
+    sensor = tuple({**SENSOR, SENSOR_FILTER.name: by_filter}.values())
+    found = replace(found, table=model.unbent or model.table, sensor=sensor)
+    found = found.at(np.concatenate([found.x[: len(own)], [value / p.scale for p, value in sensors.items()]]))
     for c in model.candidates:
         if model.fitted is not None and c.effect in model.shown:
             values = {p.name: model.fitted.value(p.name) for p in c.free}
@@ -125,10 +127,9 @@ def pressure_scale(table: TableParameters, records: Sequence[Record]) -> float |
     return float(np.median(sizes)) * table.value("body.piston_area") / table.moved_mass
 
 
-def found_filter(model: FreeModel, before: SensorFilter) -> SensorFilter:
-    """Delay and filter of the accelerometer of a fitted model."""
-    by_filter = model.value(SENSOR_FILTER.name)
-    return SensorFilter(before.pure + model.value(SENSOR_DELAY.name) + by_filter, by_filter)
+def is_skew(effect: TriedEffect, model: FreeModel, sample_time: float) -> bool:
+    """Whether a lag that was found is so short that it may be the time between two channels of a recorder."""
+    return effect.name in LAGS and model.value(effect.strength.name) < SHORTEST_DELAY * sample_time
 
 
 def effects_tried(model: ModelStructure, records: Sequence[Record], slow: bool) -> list[TriedEffect]:

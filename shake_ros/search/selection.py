@@ -14,7 +14,6 @@ import numpy as np
 from shake_ros.fit.free_parameters import FreeParameters
 from shake_ros.fit.least_squares import best_start
 from shake_ros.fit.nuisances.estimates import NuisanceEstimates
-from shake_ros.fit.nuisances.sensor_filter import SensorFilter
 from shake_ros.fit.start.narrow_valleys import from_slow_to_fast
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.search.candidate_effects import CandidateEffect
@@ -82,8 +81,7 @@ class GivenAnswer:
     ----------
     table : with all of them. effects : candidates, the one that explains most first. rivals : candidates that explain
     nearly as much in the place of an effect, each with a table that has it. without : by effect, a table fitted without
-    it. stopped : whether the search ended before it was done. behind : delay and filter of the accelerometer, where the
-    search has fitted them. predicted : whether it has fitted a predictor, and no free runs.
+    it. stopped : whether the search ended before it was done. predicted : by a predictor, and no free runs.
     """
 
     table: TableParameters
@@ -91,7 +89,6 @@ class GivenAnswer:
     rivals: Mapping[str, Sequence[tuple[CandidateEffect, TableParameters]]]
     without: Mapping[str, TableParameters] = field(default_factory=dict)
     stopped: bool = False
-    behind: SensorFilter | None = None
     predicted: bool = False
 
 

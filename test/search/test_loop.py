@@ -75,7 +75,7 @@ def test_what_other_parameters_nearly_compensate_is_proposed_first(effect: str, 
     sets = ([r for r in runs if r.name.startswith(role)] for role in ("learn", "hold"))
     data = SearchData(*(Predictor([Segment.of(r) for r in pieces(found, 8.0, 3.5)], Levels()) for found in sets))
     search = SetSearch(data, [listed(c) for c in structure.candidates], Budget(), lambda _: None)
-    declared = search.scored(beginning(structure, None, None), LONG, DECLARED)
+    declared = search.scored(beginning(structure, {}, 0.0), LONG, DECLARED)
     absent = linearised(declared.fitted, search.listed, beside=(declared.seen,))
     assert proposals(absent, 1)[1][0].names == (effect,)
 

@@ -121,7 +121,8 @@ STAGES = 7
 STAGE = STAGES  # row of the work array: state at a stage, at the end the state after the step
 PATH = STAGES + 1  # row of the work array: see `spool_path`
 PACE = STAGES + 2  # row of the work array: see `begin_sample` in integration.py
-ROWS = STAGES + 3
+FILTER = STAGES + 3  # row of the work array: the filter behind the accelerometer, see sensors.py
+ROWS = STAGES + 4
 # Error scale of each continuous state: absolute part in its unit, at tolerance 1. The spool's are not used.
 ABSOLUTE = np.array(
     [1e-2, 0.2, 1e6, 1e6, 1.0, 1.0]  # declared

@@ -28,7 +28,16 @@ from shake_ros.compiled import kernel, njit
 from shake_ros.physics.effects.friction import deflection
 from shake_ros.physics.friction import is_dynamic
 from shake_ros.physics.friction.armstrong import ARMSTRONG, dwelt
-from shake_ros.physics.plant.dormand_prince import PACE, PATH, STAGE, STAGES, dormand_prince, spool_path, workspace
+from shake_ros.physics.plant.dormand_prince import (
+    FILTER,
+    PACE,
+    PATH,
+    STAGE,
+    STAGES,
+    dormand_prince,
+    spool_path,
+    workspace,
+)
 from shake_ros.physics.plant.options import chamber_pressure
 from shake_ros.physics.plant.right_hand_side import (
     SHORTEST_LAG,
@@ -39,7 +48,7 @@ from shake_ros.physics.plant.right_hand_side import (
     table_rates,
     valve_load,
 )
-from shake_ros.physics.plant.sensors import OUTPUT, advance_filter
+from shake_ros.physics.plant.sensors import INPUT, OMEGA, OUTPUT, advance_filter, begin_filter
 from shake_ros.physics.plant.states import (
     BASE_RATE,
     BRISTLE,
@@ -179,6 +188,20 @@ def settle_contact(p, y, end, duration, n):
 
 
 @kernel
+def felt(p, y, acceleration):
+    """The acceleration behind the accelerometer's lag [m/s²]."""
+    shown = min(p.accelerometer_lag_time_constant / SHORTEST_LAG, 1.0)
+    return acceleration if shown <= 0.0 else acceleration + shown * (y[LAGGED_ACCELERATION] - acceleration)
+
+
+@kernel
+def gathered(p, y):
+    """Integral of what the accelerometer shows behind its lag, from any instant [m/s]: of the lag ȧ_l = (a − a_l)/τ."""
+    speed, tau = y[VELOCITY] + y[BASE_RATE], p.accelerometer_lag_time_constant
+    return speed - min(tau / SHORTEST_LAG, 1.0) * max(tau, SHORTEST_LAG) * y[LAGGED_ACCELERATION]
+
+
+@kernel
 def integrate(p, y, wanted, force, duration, n, work, known, tolerance):
     """Integrate y in place over `duration` in steps of about equal length; returns the last acceleration [m/s²].
 
@@ -191,6 +214,9 @@ def integrate(p, y, wanted, force, duration, n, work, known, tolerance):
     acceleration = 0.0 if known else table_rates(p, y, y, force, n, work[0])
     h = max(y[STEP_SIZE], SMALLEST_STEP)
     smallest = math.inf
+    filtering = work[FILTER, OMEGA] > 0.0
+    if filtering and not known:
+        work[FILTER, INPUT] = felt(p, y, acceleration)
     done, last, pace, tried = 0.0, False, work[PACE], 0
     while not last:
         tried += 1
@@ -211,10 +237,13 @@ def integrate(p, y, wanted, force, duration, n, work, known, tolerance):
             last = False
             continue
         settle_contact(p, y, work[STAGE], step, n)
+        before = gathered(p, y)
         for i in range(n):
             y[i] = work[STAGE, i]
             work[0, i] = work[STAGES - 1, i]
         acceleration = a_end
+        if filtering:
+            advance_filter(work[FILTER], felt(p, y, a_end), gathered(p, y) - before, step)
         if not math.isfinite(error):
             y[VELOCITY] = math.nan
             return math.nan
@@ -261,13 +290,6 @@ def hold(p, y, u, force, duration, n, work, known, tolerance):
         return hold_detailed(p, y, u, force, duration, n, work, known, tolerance)
     wanted = spool_command(p, y, u)
     return integrate(p, y, wanted, force, duration, n, work, known, tolerance)
-
-
-@kernel
-def felt(p, y, acceleration):
-    """The acceleration behind the accelerometer's lag [m/s²]."""
-    shown = min(p.accelerometer_lag_time_constant / SHORTEST_LAG, 1.0)
-    return acceleration if shown <= 0.0 else acceleration + shown * (y[LAGGED_ACCELERATION] - acceleration)
 
 
 @kernel
@@ -387,7 +409,7 @@ def inject(p, y, velocity, acceleration, part):
 
 @njit
 def simulate(
-    p, commands, command_before, forces, track, measured, injection, y0, dt, tolerance, chain, pace, following, out
+    p, commands, command_before, forces, track, measured, injection, y0, dt, tolerance, cutoff, pace, following, out
 ):
     """Simulation under recorded commands: a free run, or one that is corrected towards what was measured.
 
@@ -403,7 +425,7 @@ def simulate(
     y0 : state at the first sample, shape (STATES,).
     dt : [s].
     tolerance : relative local error of a step.
-    chain : filter behind the accelerometer, as `anti_alias.filter_step`.
+    cutoff : of the filter behind the accelerometer, 0 without one [Hz].
     pace : instants of the steps by sample, shape (n, 1 + MOST) of `begin_sample`, or of no samples: kept there, or if
         `following` taken from there.
     out : result, shape (n, OUTPUTS), row k is the instant t_k, before command k acts.
@@ -414,9 +436,7 @@ def simulate(
     tracking, pacing = track.shape[0] > 0, pace.shape[0] > 0
     acceleration = acceleration_now(p, y, work[STAGE])
     force, known = 0.0, False
-    filtering = chain.shape[0] > 0
-    z, now = np.zeros(2), felt(p, y, acceleration)
-    z[OUTPUT] = now
+    begin_filter(work[FILTER], cutoff, felt(p, y, acceleration))
     for i in range(commands.shape[0]):
         if tracking:
             follow(p, y, track[i])
@@ -424,9 +444,8 @@ def simulate(
         correcting = i < measured.shape[0]
         if correcting:
             inject(p, y, measured[i, 0] - out[i, 1], measured[i, 1] - out[i, 2], min(injection * dt, 0.5))
-        if filtering:
-            out[i, 2] = scaled(p, z[OUTPUT])
-        speed = y[VELOCITY] + y[BASE_RATE]
+        if cutoff > 0.0:
+            out[i, 2] = scaled(p, work[FILTER, OUTPUT])
         before, force = force, forces[i] if forces.shape[0] > 0 else 0.0
         late, timely, fraction = delayed(commands, i, delay, command_before)
         if pacing:
@@ -436,8 +455,3 @@ def simulate(
         if pacing and not following:
             end_sample(work[PACE], pace[i])
         known = True
-        if filtering:
-            last, now = now, felt(p, y, acceleration)
-            lagging = p.accelerometer_lag_time_constant > 0.0
-            mean = 0.5 * (last + now) if lagging else (y[VELOCITY] + y[BASE_RATE] - speed) / dt
-            advance_filter(chain, z, last, now, mean)

@@ -21,7 +21,7 @@ import math
 import numpy as np
 
 from shake_ros.compiled import kernel, njit
-from shake_ros.physics.plant.dormand_prince import PACE, STAGE, workspace
+from shake_ros.physics.plant.dormand_prince import FILTER, PACE, STAGE, workspace
 from shake_ros.physics.plant.integration import (
     acceleration_now,
     advance_sample,
@@ -32,8 +32,9 @@ from shake_ros.physics.plant.integration import (
     position_sensor,
     scaled,
 )
-from shake_ros.physics.plant.sensors import OUTPUT, advance_filter
-from shake_ros.physics.plant.states import BASE_RATE, LAGGED_POSITION, POSITION, PRESSURE_A, PRESSURE_B, VELOCITY
+from shake_ros.physics.plant.sensors import FILTER_DAMPING, OMEGA, OUTPUT, RATE, begin_filter
+from shake_ros.physics.plant.states import LAGGED_POSITION, POSITION, PRESSURE_A, PRESSURE_B
+from shake_ros.physics.valve.simplified import motion_weights
 
 # Coordinates that are no state of the table, behind whose indices they are counted downwards from −1
 FORCE, NULL, BIAS, FILTERED, FILTER_RATE, PRESSURE_OFFSET = -1, -2, -3, -4, -5, -6
@@ -72,50 +73,49 @@ def coordinate(p, y, aux, code):
 
 
 @kernel
-def advance_table(p, y, aux, commands, k, command_before, dt, work, tolerance, before):
-    """One sample of the table under its disturbances, in place.
+def advance_table(p, y, aux, commands, k, command_before, dt, work, tolerance, decay):
+    """One sample of the table, its random force and the filter behind its accelerometer, in place.
 
-    before : felt acceleration at the sample's start [m/s²].
-
-    Returns
-    -------
-    (felt acceleration at its end, and the mean that the anti-aliasing filter takes) [m/s²]
+    Returns the felt acceleration at its end [m/s²].
     """
     late, timely, fraction = delayed(commands, k, p.command_delay_delay / dt, command_before)
-    force = aux[1] * (p.body_table_mass + p.body_specimen_mass)
-    speed = y[VELOCITY] + y[BASE_RATE]
-    null = aux[2]
+    force, null = aux[1] * (p.body_table_mass + p.body_specimen_mass), aux[2]
+    work[FILTER, OUTPUT], work[FILTER, RATE] = aux[4], aux[5]
     acceleration = advance_sample(p, y, late + null, timely + null, fraction, force, dt, work, False, tolerance)
-    now = felt(p, y, acceleration)
-    if p.accelerometer_lag_time_constant > 0.0:
-        return now, 0.5 * (before + now)
-    return now, (y[VELOCITY] + y[BASE_RATE] - speed) / dt
-
-
-@kernel
-def advance_auxiliary(aux, decay, chain, before, now, mean):
-    """One sample of the random force and of the anti-aliasing filter, in place; arguments as of `advance_table`."""
-    if chain.shape[0] > 0:
-        advance_filter(chain, aux[4:6], before, now, mean)
+    aux[4], aux[5] = work[FILTER, OUTPUT], work[FILTER, RATE]
     aux[1] *= decay
+    return felt(p, y, acceleration)
 
 
 @kernel
-def shown(p, y, aux, now, chain, scale, row):
+def beside_table(aux, moved, begun, decay, omega, weights):
+    """One sample of coordinates `moved` from where they begun, none of which moves the table, in place.
+
+    aux : of the table a sample later. weights : of the filter's free motion over a sample, see `motion_weights`.
+    """
+    a, b, c = weights
+    output, rate = moved[4] - begun[4], moved[5] - begun[5]
+    moved[4] = aux[4] + a * output + b * rate
+    moved[5] = aux[5] - omega * omega * b * output + c * rate
+    moved[1] *= decay
+
+
+@kernel
+def shown(p, y, aux, now, cutoff, scale, row):
     """What the sensors show at an instant, into `row`: position [m], acceleration [m/s²] and load pressure [Pa].
 
     scale : of a pressure shown, over that of the table [-].
     """
     row[0] = position_sensor(p, y)
-    row[1] = scaled(p, aux[4 + OUTPUT] if chain.shape[0] > 0 else now) + aux[3]
+    row[1] = scaled(p, aux[4] if cutoff > 0.0 else now) + aux[3]
     if row.shape[0] > 2:
         row[2] = scale * (y[PRESSURE_A] - y[PRESSURE_B]) + aux[6]
 
 
 @kernel
-def innovate(p, y, aux, now, chain, scale, measured, row, out):
+def innovate(p, y, aux, now, cutoff, scale, measured, row, out):
     """The innovations of a sample into `out`, shape (m,), 0 where nothing was measured; `row` as of `shown`."""
-    shown(p, y, aux, now, chain, scale, row)
+    shown(p, y, aux, now, cutoff, scale, row)
     for c in range(row.shape[0]):
         out[c] = measured[c] - row[c] if math.isfinite(measured[c]) else 0.0
 
@@ -132,7 +132,7 @@ def corrected_by(p, y, aux, codes, gain, innovations):
 
 @njit
 def predict(
-    p, commands, command_before, measured, codes, gains, y0, decay, dt, tolerance, chain, scale, pace, following, out
+    p, commands, command_before, measured, codes, gains, y0, decay, dt, tolerance, cutoff, scale, pace, following, out
 ):
     """Predicted signals of each sample from all that was measured before it.
 
@@ -142,22 +142,21 @@ def predict(
     measured : position [m], acceleration [m/s²] and perhaps load pressure [Pa], shape (n, m); NaN where not measured.
     codes : corrected coordinates, shape (s,). gains : K of every sample, shape (n, s, m).
     y0 : state at the first sample. decay : of the random force over a sample [-]. dt : [s].
-    scale : as of `shown`. tolerance, chain, pace, following : as in `simulate`.
+    scale : as of `shown`. tolerance, cutoff, pace, following : as in `simulate`.
     out : innovations, shape (n, m); 0 where nothing was measured.
     """
     y, aux, row = y0.copy(), np.zeros(AUXILIARY), np.zeros(measured.shape[1])
     work = workspace()
     pacing = pace.shape[0] > 0
     now = felt(p, y, acceleration_now(p, y, work[STAGE]))
-    aux[4 + OUTPUT] = now
+    begin_filter(work[FILTER], cutoff, now)
+    aux[4] = now
     for i in range(commands.shape[0]):
-        innovate(p, y, aux, now, chain, scale, measured[i], row, out[i])
+        innovate(p, y, aux, now, cutoff, scale, measured[i], row, out[i])
         corrected_by(p, y, aux, codes, gains[i], out[i])
         if pacing:
             begin_sample(work[PACE], pace[i], following)
-        after, mean = advance_table(p, y, aux, commands, i, command_before, dt, work, tolerance, now)
-        advance_auxiliary(aux, decay, chain, now, after, mean)
-        now = after
+        now = advance_table(p, y, aux, commands, i, command_before, dt, work, tolerance, decay)
         if pacing and not following:
             end_sample(work[PACE], pace[i])
         if not math.isfinite(now):
@@ -271,7 +270,7 @@ def kalman(
     decay,
     dt,
     tolerance,
-    chain,
+    cutoff,
     scale,
     gains,
     whitening,
@@ -305,11 +304,14 @@ def kalman(
     cov, lower, cross, whitened = np.diag(first**2), np.zeros((s, s)), np.zeros((s, channels)), np.zeros((s, channels))
     state_change, sensor_change, path = np.zeros((s, s)), np.zeros((s, channels)), np.zeros((n, s))
     now = felt(p, y, acceleration_now(p, y, work[STAGE]))
-    aux[4 + OUTPUT] = now
+    begin_filter(work[FILTER], cutoff, now)
+    aux[4] = now
+    omega = work[FILTER, OMEGA]
+    weights = motion_weights(omega, FILTER_DAMPING, dt)
     innovation = np.diag(sensor**2)
     innovation[1, 1] += (0.5 * abs(now)) ** 2
     for i in range(n):
-        innovate(p, y, aux, now, chain, scale, measured[i], row, out[i])
+        innovate(p, y, aux, now, cutoff, scale, measured[i], row, out[i])
         whitener(innovation, measured[i], whitening[i])
         correct(cov, cross, whitening[i], process[int(i >= found_by)], whitened, gains[i])
         corrected_by(p, y, aux, codes, gains[i], out[i])
@@ -317,8 +319,7 @@ def kalman(
             path[i, j] = coordinate(p, y, aux, codes[j])
         factor(cov, s, lower)
         begun[:], begun_aux[:] = y, aux
-        after, mean = advance_table(p, y, aux, commands, i, command_before, dt, work, tolerance, now)
-        advance_auxiliary(aux, decay, chain, now, after, mean)
+        now = advance_table(p, y, aux, commands, i, command_before, dt, work, tolerance, decay)
         for j in range(s):
             apart = codes[j] > BIAS  # the others, which stand last, do not move the table
             for sign in (1.0, -1.0):
@@ -328,20 +329,18 @@ def kalman(
                     tried_aux[k] = begun_aux[k]
                 for k in range(j, s):
                     shift(p, tried, tried_aux, codes[k], sign * lower[k, j])
-                there, its_mean = after, mean
+                there = now
                 if apart:
-                    there, its_mean = advance_table(
-                        p, tried, tried_aux, commands, i, command_before, dt, work, tolerance, now
-                    )
-                advance_auxiliary(tried_aux, decay, chain, now, there, its_mean)
-                shown(p, tried, tried_aux, there, chain, scale, row)
+                    there = advance_table(p, tried, tried_aux, commands, i, command_before, dt, work, tolerance, decay)
+                else:
+                    beside_table(aux, tried_aux, begun_aux, decay, omega, weights)
+                shown(p, tried, tried_aux, there, cutoff, scale, row)
                 for k in range(s):
                     value = 0.5 * sign * coordinate(p, tried, tried_aux, codes[k])
                     state_change[k, j] = value if sign > 0.0 else state_change[k, j] + value
                 for c in range(channels):
                     value = 0.5 * sign * row[c]
                     sensor_change[j, c] = value if sign > 0.0 else sensor_change[j, c] + value
-        now = after
         by_coordinates(state_change, sensor_change, lower, transition[i], sensing[i])
         product(state_change, state_change.T, cov)
         product(state_change, sensor_change, cross)

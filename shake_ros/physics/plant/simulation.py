@@ -12,7 +12,6 @@ from shake_ros.physics.effects.friction import film_after
 from shake_ros.physics.plant.cylinder import rest_pressures
 from shake_ros.physics.plant.integration import MOST, OUTPUTS, acceleration_now, simulate, spool_command
 from shake_ros.physics.plant.parameters import INDEX, TableParameters, records
-from shake_ros.physics.plant.sensors import filter_step
 from shake_ros.physics.plant.states import (
     CONTINUOUS,
     FILM,
@@ -188,14 +187,12 @@ def run_batch(
     track = series("position", track, length) if len(track) else NOTHING
     forces = series("force", forces, length) if len(forces) else NOTHING
     result = np.empty((len(rows), length, len(columns)))
-    chain = filter_step(cutoff, sample_time)
-
     pace = np.empty((length, 1 + MOST)) if len(rows) > 1 and len(each) == 1 else NO_PACE
 
     def one(i: int) -> None:
         out = np.empty((length, OUTPUTS))
         given = (rows[i], each[i % len(each)], command_before, forces, track, measured, injection)
-        simulate(*given, starts[i], sample_time, tolerance, chain, pace, len(pace) > 0 and i > 0, out)
+        simulate(*given, starts[i], sample_time, tolerance, cutoff, pace, len(pace) > 0 and i > 0, out)
         result[i] = out[:, columns]
 
     one(0)

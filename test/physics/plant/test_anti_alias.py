@@ -6,18 +6,19 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from shake_ros.physics.plant.sensors import NONE, advance_filter, filter_step
+from shake_ros.physics.plant.sensors import advance_filter, begin_filter
 from shake_ros.physics.plant.simulation import run
 from shake_ros.settings import load_table
 
 
-def filtered(cutoff: float, dt: float, ends: np.ndarray, means: np.ndarray) -> np.ndarray:
-    """Output at every sample, from rest at the first value."""
-    step, z = filter_step(cutoff, dt), np.array([ends[0], 0.0])
-    out = [z[0]]
-    for before, after, mean in zip(ends[:-1], ends[1:], means, strict=True):
-        advance_filter(step, z, before, after, mean)
-        out.append(z[0])
+def filtered(cutoff: float, times: np.ndarray, ends: np.ndarray, gains: np.ndarray) -> np.ndarray:
+    """Output at every instant, from rest at the first value; `gains` of the input's integral between two instants."""
+    row = np.zeros(4)
+    begin_filter(row, cutoff, ends[0])
+    out = [ends[0]]
+    for after, gain, step in zip(ends[1:], gains, np.diff(times), strict=True):
+        advance_filter(row, after, gain, step)
+        out.append(row[1])
     return np.array(out)
 
 
@@ -26,8 +27,7 @@ def filtered(cutoff: float, dt: float, ends: np.ndarray, means: np.ndarray) -> n
 def test_sine_comes_out_as_the_response_of_the_filter_tells(cutoff: float, rate: float, frequency: float) -> None:
     w, dt = 2.0 * np.pi * frequency, 1.0 / rate
     t = np.arange(round(2.0 * rate)) * dt
-    means = -np.diff(np.cos(w * t)) / (w * dt)
-    out = filtered(cutoff, dt, np.sin(w * t), means)
+    out = filtered(cutoff, t, np.sin(w * t), -np.diff(np.cos(w * t)) / w)
     r = frequency / cutoff
     response = 1.0 / (1.0 - r * r + 1j * np.sqrt(2.0) * r)
     wanted = np.imag(response * np.exp(1j * w * t))
@@ -35,33 +35,27 @@ def test_sine_comes_out_as_the_response_of_the_filter_tells(cutoff: float, rate:
     assert np.max(np.abs(out - wanted)[late]) < 0.003 + 0.2 * (w * dt / np.pi) ** 4
 
 
-@pytest.mark.parametrize("instant", [0.1, 0.37, 0.5, 0.81])
-def test_jump_within_a_sample_keeps_its_instant(instant: float) -> None:
-    cutoff, dt, at = 80.0, 1.0 / 200.0, 20
-    ends = np.where(np.arange(60) > at, 1.0, 0.0)
-    means = np.where(np.arange(59) > at, 1.0, 0.0)
-    means[at] = 1.0 - instant
+@pytest.mark.parametrize("rise", [1e-3, 1e-6, 1e-12])
+def test_short_steps_over_a_jump_give_its_response(rise: float) -> None:
+    cutoff, jump = 80.0, 0.1
+    times = np.array([0.0, jump, jump + rise, *(jump + rise + np.linspace(0.001, 0.05, 7))])
+    ends = np.where(times > jump, 1.0, 0.0)
+    gains = 0.5 * np.diff(times) * (ends[:-1] + ends[1:])
     w = 2.0 * np.pi * cutoff
-    begun = (at + instant) * dt
 
     def rates(t: float, z: np.ndarray) -> list[float]:
-        return [z[1], w * w * (float(t > begun) - z[0]) - np.sqrt(2.0) * w * z[1]]
+        return [z[1], w * w * (min(max((t - jump) / rise, 0.0), 1.0) - z[0]) - np.sqrt(2.0) * w * z[1]]
 
-    t = np.arange(60) * dt
-    exact = solve_ivp(rates, (0.0, t[-1]), [0.0, 0.0], t_eval=t, rtol=1e-9, atol=1e-10, max_step=dt / 50).y[0]
-    jumped = filtered(cutoff, dt, ends, means)
-    blind = filtered(cutoff, dt, ends, 0.5 * (ends[:-1] + ends[1:]))
-    assert np.max(np.abs(jumped - exact)) < 0.06
-    if abs(instant - 0.5) > 0.1:
-        assert np.sum((jumped - exact) ** 2) < 0.2 * np.sum((blind - exact) ** 2)
+    after = times[2:]
+    exact = solve_ivp(rates, (jump, after[-1]), [0.0, 0.0], t_eval=after, rtol=1e-9, atol=1e-10, max_step=1e-4).y[0]
+    assert filtered(cutoff, times, ends, gains)[2:] == pytest.approx(exact, abs=2e-6)
 
 
-def test_without_a_cutoff_there_is_no_filter() -> None:
-    assert filter_step(0.0, 1e-3) is NONE
-
-
-def test_recording_of_a_table_through_the_filter_is_its_acceleration_filtered_in_fine_steps() -> None:
-    table, cutoff, fine, factor = load_table("bergamo"), 60.0, 1e-4, 50
+@pytest.mark.parametrize("lag", [0.0, 6e-3])
+@pytest.mark.parametrize("cutoff", [20.0, 60.0, 110.0])
+def test_recording_through_the_filter_is_the_acceleration_filtered_in_fine_steps(cutoff: float, lag: float) -> None:
+    table, fine, factor = load_table("bergamo"), 1e-4, 50
+    table = table.with_values({"friction.coulomb_level": 900.0, "effects.accelerometer_lag.time_constant": lag})
     commands = 0.25 * np.sin(2.0 * np.pi * 4.0 * np.arange(200) * fine * factor)
     quick = run(table, np.repeat(commands, factor), fine)[:, 2]
     w = 2.0 * np.pi * cutoff
@@ -72,5 +66,5 @@ def test_recording_of_a_table_through_the_filter_is_its_acceleration_filtered_in
         exact.append(float(z[0]))
     slow = run(table, commands, fine * factor, cutoff=cutoff)[:, 2]
     wanted = np.array(exact)[::factor]
-    assert np.sqrt(np.mean((slow - wanted) ** 2)) < 0.01 * np.std(wanted)
-    assert np.sqrt(np.mean((run(table, commands, fine * factor)[:, 2] - wanted) ** 2)) > 0.1 * np.std(wanted)
+    assert np.sqrt(np.mean((slow - wanted) ** 2)) < 0.001 * np.std(wanted)
+    assert np.sqrt(np.mean((run(table, commands, fine * factor)[:, 2] - wanted) ** 2)) > 0.02 * np.std(wanted)
