@@ -76,6 +76,10 @@ class Likelihood(ABC):
     def tuned(self, vector: np.ndarray, names: Sequence[str]) -> Likelihood:
         """`filtered`, at levels of noise of a larger likelihood if there are any. names : of the levels."""
 
+    def closer(self, vector: np.ndarray) -> Likelihood:
+        """The same at a parameter vector, beside less process noise; here beside none."""
+        return self.filtered(vector)
+
     @abstractmethod
     def part(self, seconds: float) -> Likelihood:
         """The same of about so many seconds."""

@@ -57,6 +57,8 @@ SPEED = 0.05  # standard deviation of the velocity with which a segment begins [
 TOLERANCE = 1e-6  # of a run; a hundred times more would make likelihoods wrong by a hundred nats
 DIFFERENCE, OVER_RIPPLES = 2e-4, 2e-2  # step of differences, the latter over what ripples in a free run with contacts
 SETTLING = 0.3  # random force while the state of a segment is found, in parts of its acceleration
+CLOSER = 0.03, 0.1, 0.3  # times the likeliest random force, at which effects show
+FAR = 200.0  # mean square of innovations beyond which a run has lost the table
 SLOW = 40.0  # below which free runs are compared [Hz]
 
 
@@ -132,6 +134,20 @@ class Predictor(Likelihood):
     def with_levels(self, levels: Levels) -> Predictor:
         """The same at other levels of noise; without gains."""
         return type(self)(self.segments, levels)
+
+    def closer(self, vector: np.ndarray) -> Predictor:
+        """The same with the gains of a parameter vector beside a smaller random force: the likeliest follows what a
+        missing effect would explain.
+        """
+        found = self
+        for part in CLOSER:
+            levels = replace(self.levels, force=max(part * self.levels.force, LIMITS["force"][0]))
+            if levels.force < self.levels.force:
+                found = self.with_levels(levels).filtered(vector)
+                white = np.concatenate([found._white(run, run.innovations) for run in found.runs])
+                if np.mean(np.minimum(white**2, LOST**2)) < FAR:
+                    break
+        return found
 
     def tuned(self, vector: np.ndarray, names: Sequence[str]) -> Predictor:
         """The same with the gains of a parameter vector, at levels of noise of a larger likelihood if there are any.
@@ -360,12 +376,11 @@ def start_state(vector: np.ndarray, s: Segment) -> np.ndarray:
     return state
 
 
-LIMITS = {  # within which levels of noise are estimated
-    "force": (1e-4, 10.0),
+LIMITS = {  # within which levels of noise are estimated; beside a larger force no parameter is held where it should be
+    "force": (1e-4, 0.3),
     "acceleration": (1.0, 1e3),
     "position": (1.0, 1e3),
     "pressure": (1.0, 1e3),
-    "null_drift": (1e-7, 1e-2),
     "memory": (4e-3, 0.1),
 }
 FACTORS = (4.0, 1.6)  # by which they are moved, as long as that helps

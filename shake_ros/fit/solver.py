@@ -22,7 +22,7 @@ STEPS = 4  # Jacobians between two estimates of the levels of noise
 NARROWEST = 1e-3  # reach at which a fit ends
 KEPT, LEAST = 3, 0.5  # steps for which a Jacobian is kept, corrected by Broyden, while the foreseen fall comes within
 PART = 0.25  # of a value that counts as one scale where it is more
-LEVELS = ("force", "acceleration", "position", "null_drift", "memory")
+LEVELS = ("force", "acceleration", "position", "memory")
 
 
 class Budget:

@@ -25,15 +25,16 @@ import numpy as np
 
 from shake_ros.fit.likelihood import Levels, Likelihood
 from shake_ros.fit.model import FreeModel, TriedEffect
-from shake_ros.fit.solver import Budget, PredictorFit, fit
+from shake_ros.fit.solver import STEPS, Budget, PredictorFit, descend, fit
 from shake_ros.search.decision import price, tempered
 from shake_ros.search.proposal import EffectSet, Linearised, linearised, proposals, start, weakest
 
 Progress = Callable[[str], None]
 SHORT, LONG = 8, 16  # Jacobians of a fit that is to be compared, and of one that goes on
 SETTLED = 3.0  # gain in log likelihood from which a fit goes on [nats]
-MORE = 1.1  # times what fewer effects promise, from which a larger set is refitted: less is mostly curvature
+MORE = 1.05  # times what fewer effects promise, from which a larger set is refitted: less is mostly curvature
 TIGHT = 0.03  # random force of the other start of the first fit, in parts of the acceleration: a loose one can stay so
+WORSE = 1.5  # times what the best set leaves, from which another one is fitted no further
 CLOSEST = 3  # single effects that are refitted, the most promising ones
 PROMISE, ALIKE = 0.5, 0.8  # part of an effect's gain that a rival has to promise at first order, and to take
 
@@ -208,7 +209,7 @@ class SetSearch:
             promised = {s.trials[0].candidate.name: s for s in proposals(self._screened(less), 1)[1]}
             least = PROMISE * promised[effect.name].gain if effect.name in promised else math.inf
             others = [s for n, s in promised.items() if s.gain > least and n not in best.model.effect_names][:CLOSEST]
-            tried = [self.scored(start(less.fitted, s), SHORT, less.levels) for s in others]
+            tried = self._refitted(less, others)
             found[effect.name] = [t for t in tried if gain(t, less) > ALIKE * taken]
         return found
 
@@ -219,12 +220,8 @@ class SetSearch:
 
         against : the model that it has to be better than, where that is another one.
         """
-        better, tried = against or best, list[Scored]()
-        for s in worth_trying(proposals(self._screened(best)), len(best.fitted.likelihood)):
-            if self.budget.over():
-                break
-            self.progress(f"refit with {' + '.join(s.names)}")
-            tried.append(self.scored(start(best.fitted, s), SHORT, best.levels))
+        better = against or best
+        tried = self._refitted(best, worth_trying(proposals(self._screened(best)), len(best.fitted.likelihood)))
         if not tried:
             return None
         sure = [t for t in tried if evidence(t, better) > 0.0]
@@ -236,12 +233,30 @@ class SetSearch:
         same = set(winner.model.effect_names) == set(better.model.effect_names)
         return winner if evidence(winner, better) > (SETTLED if same else 0.0) else None
 
+    def _refitted(self, found: Scored, sets: Sequence[EffectSet]) -> list[Scored]:
+        """A model with each of some sets more, but for those that leave far more than another: the first steps stand
+        beside the small random force of the screening, as a likelier one would follow what a set explains.
+        """
+        fitted, moved = self._screened(found).fitted, list[FreeModel]()
+        for s in sets:
+            if self.budget.over():
+                break
+            self.progress(f"refit with {' + '.join(s.names)}")
+            moved.append(descend(fitted.prediction, start(fitted, s), SHORT, SETTLED, self.budget)[0])
+        if not moved:
+            return []
+        left = [float(np.sum(fitted.prediction.residuals(m.vectors(m.x)) ** 2)) for m in moved]
+        near = [m for m, cost in zip(moved, left, strict=True) if cost < WORSE * min(left)]
+        return [self.scored(m, STEPS, fitted.prediction.levels) for m in near if not self.budget.over()]
+
     def _screened(self, found: Scored) -> Linearised:
         """A model with every effect that it lacks, to first order; remembered, since rivals ask as well."""
         if found not in self._known:
             absent = [c for c in self.listed if c.name not in found.model.effect_names]
             self.progress(f"screening {len(absent)} effects")
-            self._known[found] = linearised(found.fitted, absent, beside=(found.seen,))
+            vector = found.model.vectors(found.model.x)[0]
+            fitted = replace(found.fitted, prediction=found.fitted.prediction.closer(vector))
+            self._known[found] = linearised(fitted, absent, beside=(found.seen.closer(vector),)).dispersed()
         return self._known[found]
 
     def _reduced(self, found: Scored) -> Scored:

@@ -14,7 +14,7 @@ these are tried with the declared friction, and what that changes by itself is n
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -102,6 +102,13 @@ class Linearised:
     score: np.ndarray
     response: np.ndarray
     own: np.ndarray
+    fitted: PredictorFit
+    left: float
+
+    def dispersed(self) -> Linearised:
+        """The same where all that is left counts as noise (quasi-likelihood: McCullagh and Nelder 1989, ch. 9)."""
+        spread = max(self.left, 1.0)
+        return replace(self, power=self.power / spread, score=self.score / spread)
 
 
 def linearised(
@@ -146,7 +153,8 @@ def linearised(
     own = -np.linalg.solve(normal, gradient)
     whole = sum(prediction.count for prediction in data) / sum(prediction.count for prediction in few)
     power, score = d.T @ d + across.T @ response, -(d.T @ r + across.T @ own)
-    return Linearised(trials, tuple(places), whole * power, whole * score, response[:p], own[:p])
+    left = float(np.mean(r**2))
+    return Linearised(trials, tuple(places), whole * power, whole * score, response[:p], own[:p], fitted, left)
 
 
 def normal_matrix(power: np.ndarray, prior: np.ndarray) -> np.ndarray:

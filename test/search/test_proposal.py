@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -26,7 +26,9 @@ def linear(residuals: np.ndarray, directions: dict[str, np.ndarray], low: float 
     trials = tuple(EffectTrial(candidate(n, low), candidate(n).trials[0]) for n in directions)
     d = np.column_stack(list(directions.values()))
     places = tuple((i,) for i in range(len(trials)))
-    return Linearised(trials, places, d.T @ d, -(d.T @ residuals), np.zeros((0, len(trials))), np.zeros(0))
+    power, score = d.T @ d, -(d.T @ residuals)
+    response, model = np.zeros((0, len(trials))), cast(Any, None)
+    return Linearised(trials, places, power, score, response, np.zeros(0), model, float(np.mean(residuals**2)))
 
 
 def directions(*names: str) -> dict[str, np.ndarray]:
@@ -54,6 +56,13 @@ def test_gain_of_a_set_is_the_fall_of_half_the_sum_of_squares() -> None:
     gain, parts = evaluate(linear(r, d), (0, 1))
     left = r + np.column_stack([d["first"], d["second"]]) @ parts
     assert gain == pytest.approx(0.5 * float(r @ r - left @ left), rel=1e-3)
+
+
+def test_what_all_of_a_residual_might_be_counts_as_noise_for_a_gain() -> None:
+    """Beside residuals ten times as large as the noise an effect that takes a part of chance gains no more nats."""
+    d, r = directions("first"), RNG.standard_normal(400)
+    quiet, loud = (proposals(linear(size * r, d, low=-1e3).dispersed(), 1)[1][0].gain for size in (1.0, 10.0))
+    assert loud == pytest.approx(quiet, rel=0.1)
 
 
 def test_effect_of_friction_gains_nothing_by_what_the_declared_friction_explains_alone() -> None:
