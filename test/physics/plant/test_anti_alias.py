@@ -67,4 +67,5 @@ def test_recording_through_the_filter_is_the_acceleration_filtered_in_fine_steps
     slow = run(table, commands, fine * factor, cutoff=cutoff)[:, 2]
     wanted = np.array(exact)[::factor]
     assert np.sqrt(np.mean((slow - wanted) ** 2)) < 0.001 * np.std(wanted)
-    assert np.sqrt(np.mean((run(table, commands, fine * factor)[:, 2] - wanted) ** 2)) > 0.02 * np.std(wanted)
+    without = run(table, commands, fine * factor)[:, 2]
+    assert np.sqrt(np.mean((without - wanted) ** 2)) > (0.1 if cutoff < 110.0 else 0.02) * np.std(wanted)
