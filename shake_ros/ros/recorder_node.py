@@ -1,7 +1,8 @@
 """Node `recorder`: every message as it came, into a rosbag2 folder that survives a kill.
 
 Callbacks only append bytes to a queue; one thread writes, so that none of them waits for a disk. In lock-step the time
-of receipt is the newest stamp, so that two runs give the same recording; in real time it is the wall clock.
+of receipt is the stamp, so that two runs give the same recording whichever topic came first; in real time it is the
+wall clock.
 `recorder --recover PATH` makes a killed recording whole, without ROS running.
 """
 
@@ -234,9 +235,9 @@ class Recorder(Behaviour):
         return interface.REALTIME_RECORDER_QOS
 
     def receipt(self, stamp: int) -> int:
-        """When a message of this stamp [ns] was received: in lock-step the newest stamp, as in any other run."""
+        """When a message of this stamp [ns] was received: in lock-step then, or at the newest where it has none."""
         self._newest = max(self._newest, stamp)
-        return self._newest if self.frame.lockstep else self.frame.now()
+        return (stamp or self._newest) if self.frame.lockstep else self.frame.now()
 
     def _recorded_to(self) -> int:
         """The stamp up to which every sampled topic that has come is recorded [ns]; 0 before the first."""

@@ -107,6 +107,21 @@ def test_lost_samples_show_on_diagnostics(ros_domain, tmp_path):
     assert values["joint_states.count"] == "4"
 
 
+def test_a_topic_that_comes_late_in_lockstep_is_on_the_same_clock(ros_domain, tmp_path):
+    with ros_context([], domain_id=ros_domain) as context:
+        arguments = ["--ros-args", "-p", f"output:={tmp_path / 'run'}", "-p", "lockstep:=true"]
+        recorder = build_node(recorder_node.build, "recorder", context, arguments)
+        arrived = {one.name: one.arrived for one in recorder.receptions}
+        for topic in TOPICS:  # the commands' writer is discovered when all positions have come
+            for k in range(SAMPLES):
+                arrived[f"/shake/{topic.name}"](codec(topic).encode(SECOND + k * 1_000_000, (float(np.sin(k)),)))
+        recorder.finish()
+        recorder.frame.close()
+    recording = read_table_recording(tmp_path / "run")
+    assert recording.findings == ()
+    assert np.array_equal(recording.valve_command, recording.position)
+
+
 @pytest.mark.parametrize(
     ("parameter", "words"), [("compression:=best", "compression"), ("flush_every:=100.0", "outside 0.01 … 10")]
 )
