@@ -33,7 +33,7 @@ from shake_ros.physics.plant.integration import (
     scaled,
 )
 from shake_ros.physics.plant.sensors import FILTER_DAMPING, OMEGA, OUTPUT, RATE, begin_filter
-from shake_ros.physics.plant.states import LAGGED_POSITION, POSITION, PRESSURE_A, PRESSURE_B
+from shake_ros.physics.plant.states import PRESSURE_A, PRESSURE_B
 from shake_ros.physics.valve.simplified import motion_weights
 
 # Coordinates that are no state of the table, behind whose indices they are counted downwards from −1
@@ -47,7 +47,7 @@ LARGEST_NULL = 0.3  # of the full command, up to which a null shift is corrected
 def shift(p, y, aux, code, amount):
     """Move one corrected coordinate of the table, in place.
 
-    The load pressure moves both chambers; the position moves with what its transducer shows.
+    The load pressure moves both chambers.
     """
     if code < 0:
         aux[-code] += amount
@@ -58,8 +58,6 @@ def shift(p, y, aux, code, amount):
         y[PRESSURE_B] = max(y[PRESSURE_B] - amount / p.body_area_ratio, min(y[PRESSURE_B], 0.0))
     else:
         y[code] += amount
-        if code == POSITION:
-            y[LAGGED_POSITION] += amount
 
 
 @kernel

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from hidden_table import OWN, SAMPLE_TIME, TRUE, record
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 
 from shake_ros.fit.likelihood import Levels
 from shake_ros.fit.model import TABLE, FreeModel, start_of
@@ -48,6 +50,27 @@ def test_innovations_of_the_true_table_are_white_and_as_large_as_the_filter_expe
     white = prediction.residuals(vector[None, :])[0].reshape(-1, 2)
     assert np.mean(white[:, 1] ** 2) == pytest.approx(1.0, abs=0.15)
     assert np.mean(white[:, 0] ** 2) < 1.1  # the transducer's linearity is counted as noise beside its own
+    for channel in white.T:
+        assert abs(np.mean(channel[1:] * channel[:-1])) < 0.1 * np.mean(channel**2) + 0.02
+
+
+@pytest.mark.parametrize("lag", [0.002, 0.08])
+def test_so_are_they_behind_a_slow_transducer_from_the_midst_of_a_motion(lag: float) -> None:
+    made, rng = record(1, 5.0, noisy=False), np.random.default_rng(7)
+    time, felt = np.arange(len(made.position)) * SAMPLE_TIME, made.acceleration
+    path = CubicSpline(time, made.position)
+    shown = solve_ivp(
+        lambda t, q: (path(t) - q) / lag, time[[0, -1]], path(0.0)[None], t_eval=time, rtol=1e-9, atol=1e-12
+    )
+    position = shown.y[0] + 1e-5 * rng.standard_normal(len(time))
+    whole = Record("run", SAMPLE_TIME, made.commands, position, felt + 0.05 * rng.standard_normal(len(time)))
+    begin = 500 + int(np.argmax(np.abs(felt[500:2000])))
+    piece = Segment.of(whole.part(slice(begin, begin + 3000)))
+    model = true_model(**{"effects.position_sensor_lag.time_constant": lag})
+    vector = model.vectors(model.x)[0]
+    white = Predictor([piece], QUIET).filtered(vector).residuals(vector[None, :])[0].reshape(-1, 2)
+    assert np.mean(white[:, 1] ** 2) == pytest.approx(1.0, abs=0.3)
+    assert np.mean(white[:, 0] ** 2) < 1.1
     for channel in white.T:
         assert abs(np.mean(channel[1:] * channel[:-1])) < 0.1 * np.mean(channel**2) + 0.02
 
