@@ -129,14 +129,16 @@ class SetSearch:
         self._without = dict[tuple[Scored, str], Scored]()
         self._loose = Levels()
 
-    def scored(self, model: FreeModel, steps: int, *levels: Levels) -> Scored:
-        """A model fitted by so many steps, and scored; the best fit of the same effects so far if that is better.
+    def scored(self, model: FreeModel, steps: int, *levels: Levels, beside: float = -math.inf) -> Scored:
+        """A model fitted by so many steps, and scored; the best fit of the same effects so far if that is as good.
 
         levels : of noise; it goes on from those under which its first steps lead to the likeliest model.
+        beside : log likelihood of a model that it is compared with.
         """
-        fitted = fit([self.data.estimation.with_levels(each) for each in levels], model, self.budget, steps=steps)
+        begun = [self.data.estimation.with_levels(each) for each in levels]
+        fitted = fit(begun, model, self.budget, steps=steps, beside=beside)
         known = self._fits.get(frozenset(model.effect_names))
-        if known is not None and known.fitted.total >= fitted.total:
+        if known is not None and known.fitted.total > fitted.total - SETTLED:
             return known
         vector = fitted.model.vectors(fitted.model.x)[0]
         validation = self.data.validation.with_levels(fitted.prediction.levels)
@@ -152,7 +154,8 @@ class SetSearch:
         key = found, effect.name
         if key not in self._without:
             self.progress(f"is {effect.called} needed?")
-            self._without[key] = self.scored(found.model.without(effect.name), LONG, found.levels, self._loose)
+            less, total = found.model.without(effect.name), found.fitted.total
+            self._without[key] = self.scored(less, LONG, found.levels, self._loose, beside=total)
         return self._without[key]
 
     def reduced(self, found: Scored) -> dict[str, Scored]:
