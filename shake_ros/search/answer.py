@@ -31,7 +31,7 @@ SECONDS, PIECE = 14.0, 3.5  # of the estimation data that are fitted, and length
 VALIDATION_SECONDS = 10.0  # of the validation data
 GAP = 1.25  # times the width that the dwells show, from which a backlash starts: a dwell is noticed late
 DECLARED = Levels(force=3.0, null=1e-6, null_drift=1e-6, bias=1e-6, bias_drift=1e-7)  # offsets are effects here
-UNKNOWN = Levels(null=1e-3)  # what the null shifts of whole recordings, found without the effects, leave
+UNKNOWN = Levels(null=1e-4)  # the null shifts of whole recordings are in their commands by now
 
 
 def answer(
