@@ -64,6 +64,10 @@ class TriedEffect:
         """The same with one trial more."""
         return replace(self, trials=(*self.trials, (values,)))
 
+    def with_least(self, strength: float) -> TriedEffect:
+        """The same with a strength that is not below a value."""
+        return replace(self, free=(replace(self.strength, low=max(self.strength.low, strength)), *self.free[1:]))
+
 
 @dataclass(frozen=True)
 class FreeModel:

@@ -79,9 +79,8 @@ def answer(
     }
     reduced = {} if not models else {e: m.model.found_table() for e, m in search.reduced(models[-1]).items()}
     best = models[-1].model if models else begin
-    skews = [e.name for e in best.effects if unknown and is_skew(e, best, estimation[0].sample_time)]
-    found = tuple(known[c.name] for c in best.effects if c.name not in skews)
-    return GivenAnswer(best.found_table().without(skews), found, rivals, reduced, not done, predicted)
+    found = tuple(known[c.name] for c in best.effects)
+    return GivenAnswer(best.found_table(), found, rivals, reduced, not done, predicted)
 
 
 def search_data(
@@ -127,17 +126,13 @@ def pressure_scale(table: TableParameters, records: Sequence[Record]) -> float |
     return float(np.median(sizes)) * table.value("body.piston_area") / table.moved_mass
 
 
-def is_skew(effect: TriedEffect, model: FreeModel, sample_time: float) -> bool:
-    """Whether a lag that was found is so short that it may be the time between two channels of a recorder."""
-    return effect.name in LAGS and model.value(effect.strength.name) < SHORTEST_DELAY * sample_time
-
-
 def effects_tried(model: ModelStructure, records: Sequence[Record], slow: bool) -> list[TriedEffect]:
     """The effects that a model may lack, tried also as they show: off its frequency a mode promises little.
 
     Those that the model begins with have the values of its first fit, and a base the mode that shows most between the
-    sensors.
+    sensors. On an unknown table what is late by less than a part of a sample is another channel of a recorder, no lag.
     """
+    shortest = SHORTEST_DELAY * records[0].sample_time if model.simulator.nuisances else 0.0
 
     def as_shown(effect: TriedEffect) -> TriedEffect:
         if model.fitted is None or effect.name not in model.shown:
@@ -145,6 +140,7 @@ def effects_tried(model: ModelStructure, records: Sequence[Record], slow: bool) 
         return effect.with_trial({p.name: model.fitted.value(p.name) for p in effect.free})
 
     effects = [as_shown(tried(c, slow)) for c in model.candidates]
+    effects = [e.with_least(shortest) if e.name in LAGS else e for e in effects]
     base = base_between(records) if any(e.name == BASE for e in effects) else None
     return effects if base is None else [e.with_trial(base.on(model.table)) if e.name == BASE else e for e in effects]
 
