@@ -21,7 +21,6 @@ REACH, NARROWER = 1.0, 4.0  # first step in scales (or parts of a value, below);
 STEPS = 4  # Jacobians between two estimates of the levels of noise
 NARROWEST = 1e-3  # reach at which a fit ends
 KEPT, LEAST = 3, 0.5  # steps for which a Jacobian is kept, corrected by Broyden, while the foreseen fall comes within
-FAR = 0.01  # part of what a model is worse than another at which its fit ends
 PART = 0.25  # of a value that counts as one scale where it is more
 LEVELS = ("force", "acceleration", "position", "memory")
 
@@ -155,7 +154,6 @@ def fit(
     steps: int = 10,
     tolerance: float = 3.0,
     levels: tuple[str, ...] = LEVELS,
-    beside: float = -math.inf,
 ) -> PredictorFit:
     """Fit a model: least squares under the gains where it stands, then gains and levels of noise anew, and again.
 
@@ -168,17 +166,13 @@ def fit(
     begun : the recordings at levels of noise; it goes on from those under which the first steps lead to the likeliest
     model. steps : Jacobians at most.
     tolerance : gain in log likelihood at which it stops. levels : of noise that are estimated.
-    beside : log likelihood of a model that it is compared with; far below it, a hundredth of what is between will do.
     """
 
     def at(prediction: Likelihood, model: FreeModel) -> PredictorFit:
         return PredictorFit(model, prediction, prediction.log_likelihood())
 
-    def ends(best: PredictorFit) -> float:
-        return max(tolerance, FAR * (beside - best.total))
-
     def further(best: PredictorFit) -> tuple[PredictorFit, int]:
-        moved, used = descend(best.prediction, best.model, min(STEPS, steps - taken), ends(best), budget)
+        moved, used = descend(best.prediction, best.model, min(STEPS, steps - taken), tolerance, budget)
         return at(best.prediction.tuned(moved.vectors(moved.x)[0], levels), moved), used
 
     vector, taken = model.vectors(model.x)[0], 0
@@ -188,7 +182,7 @@ def fit(
         now, used = max((further(f) for f in starts), key=lambda f: f[0].total)
         taken, gained = taken + used, now.total - best.total
         best = now if gained > 0.0 else best
-        if gained < ends(best):
+        if gained < tolerance:
             break
         starts = [best]
     return best

@@ -129,16 +129,14 @@ class SetSearch:
         self._without = dict[tuple[Scored, str], Scored]()
         self._loose = Levels()
 
-    def scored(self, model: FreeModel, steps: int, *levels: Levels, beside: float = -math.inf) -> Scored:
-        """A model fitted by so many steps, and scored; the best fit of the same effects so far if that is as good.
+    def scored(self, model: FreeModel, steps: int, *levels: Levels) -> Scored:
+        """A model fitted by so many steps, and scored; the best fit of the same effects so far if that is better.
 
         levels : of noise; it goes on from those under which its first steps lead to the likeliest model.
-        beside : log likelihood of a model that it is compared with.
         """
-        begun = [self.data.estimation.with_levels(each) for each in levels]
-        fitted = fit(begun, model, self.budget, steps=steps, beside=beside)
+        fitted = fit([self.data.estimation.with_levels(each) for each in levels], model, self.budget, steps=steps)
         known = self._fits.get(frozenset(model.effect_names))
-        if known is not None and known.fitted.total > fitted.total - SETTLED:
+        if known is not None and known.fitted.total >= fitted.total:
             return known
         vector = fitted.model.vectors(fitted.model.x)[0]
         validation = self.data.validation.with_levels(fitted.prediction.levels)
@@ -154,8 +152,7 @@ class SetSearch:
         key = found, effect.name
         if key not in self._without:
             self.progress(f"is {effect.called} needed?")
-            less, total = found.model.without(effect.name), found.fitted.total
-            self._without[key] = self.scored(less, LONG, found.levels, self._loose, beside=total)
+            self._without[key] = self.scored(found.model.without(effect.name), LONG, found.levels, self._loose)
         return self._without[key]
 
     def reduced(self, found: Scored) -> dict[str, Scored]:
