@@ -174,6 +174,18 @@ def taken_out(
     return free, best_start(problem.estimation, free, starts) if near else starts[0]
 
 
+def from_lesser(problem: SearchProblem, current: ScoredFit, lesser: ScoredFit) -> ScoredFit:
+    """The current model refitted from the same without an effect: none is worse than that, once its fit has ended."""
+    free, names = current.fit.free, lesser.fit.free.names
+    rows = np.tile(current.fit.x, (2, 1))
+    rows[:, [free.names.index(name) for name in names]] = lesser.fit.x
+    strength = next(i for i, name in enumerate(free.names) if name not in names)
+    rows[1, strength] = np.clip(0.0, free.low[strength], free.high[strength])
+    start = best_start(problem.estimation, free, rows)
+    settings = problem.settings
+    return problem.fitted(free, start, settings.converging_evaluations, settings.converged, near=True)
+
+
 def in_its_place(
     problem: SearchProblem, final: ScoredFit, step: ForwardStep, other: CandidateEffect, there: TableParameters
 ) -> ScoredFit:

@@ -21,13 +21,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
 from shake_ros.fit.least_squares import time_is_over
 from shake_ros.fit.uncertainty import at_bound
 from shake_ros.search.candidate_effects import CandidateEffect
-from shake_ros.search.decision import ForwardStep, log_odds, odds_of, unexplained, without
+from shake_ros.search.decision import ForwardStep, from_lesser, log_odds, odds_of, unexplained, without
 from shake_ros.search.problem import ScoredFit, SearchProblem
 from shake_ros.search.selection import Selection
 
@@ -108,12 +109,19 @@ def with_verdicts(
     """The selection with what is established, likely or one of several; the verdicts on it; and those not established.
 
     Effects that are not established leave the model one by one, the one worth least first, and the others are
-    assessed again without it. shown : effects that the recordings show without a model.
+    assessed again without it; so are all where the model without one of them shows that the fit with it was a poor
+    minimum. shown : effects that the recordings show without a model.
     """
     problem.progress("assessing each effect", 0.5)
     dropped: list[EffectVerdict] = []
     while found.steps:
         each = [verdict_of(problem, found, step, shown) for step in found.steps]
+        lesser, nearly = min((m for _, m in each), key=lambda m: m.estimation_cost), 1.0 - problem.settings.converged
+        if lesser.estimation_cost < nearly * found.final.estimation_cost and not time_is_over():
+            again = found.on(lambda m: m, partial(from_lesser, problem, lesser=lesser))
+            if again.final.estimation_cost < nearly * found.final.estimation_cost:
+                found = again
+                continue
         refused = [i for i, (s, _) in enumerate(each) if s.state == NOT_ESTABLISHED]
         if not refused:
             return found, tuple(s for s, _ in each), tuple(dropped)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from linear_effects import FIRST, NOISE, SECOND, Hidden, fitted, problem_of, step
 
 from shake_ros.fit.least_squares import within_budget
-from shake_ros.search.problem import SearchProblem
+from shake_ros.search.problem import SearchProblem, linearised
 from shake_ros.search.selection import Selection
 from shake_ros.search.verdict import ESTABLISHED, LIKELY, EffectVerdict, with_verdicts
 
@@ -81,3 +83,12 @@ def test_an_effect_owes_nothing_to_a_poor_fit_of_the_model_without_it() -> None:
     stuck = fitted(problem_of(Hidden(5.0, 5.0)))  # leaves far more than it has to
     _, told, left = with_verdicts(problem, Selection(stuck, (alone,), alone.chosen.result))
     assert (told, [s.effect for s in left]) == ((), [FIRST.effect])
+
+
+def test_an_effect_is_not_lost_to_a_poor_fit_of_the_model_with_it() -> None:
+    problem = problem_of(Hidden(1.0, 2.0))
+    found = found_in(problem)
+    poor = problem.scored(linearised(problem.estimation, replace(found.final.fit, x=found.final.fit.x + 3.0)))
+    kept, told, left = with_verdicts(problem, found.on(lambda m: m, lambda _: poor))
+    assert ({s.effect: s.state for s in told}, left) == ({FIRST.effect: ESTABLISHED, SECOND.effect: ESTABLISHED}, ())
+    assert kept.final.fit.x == pytest.approx(found.final.fit.x, abs=1e-3)
