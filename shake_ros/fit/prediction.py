@@ -142,11 +142,12 @@ class Predictor(Likelihood):
         found = self
         for part in CLOSER:
             levels = replace(self.levels, force=max(part * self.levels.force, LIMITS["force"][0]))
-            if levels.force < self.levels.force:
-                found = self.with_levels(levels).filtered(vector)
-                white = np.concatenate([found._white(run, run.innovations) for run in found.runs])
-                if np.mean(np.minimum(white**2, LOST**2)) < FAR:
-                    break
+            if levels == found.levels:
+                continue
+            found = self.with_levels(levels).filtered(vector)
+            white = np.concatenate([found._white(run, run.innovations) for run in found.runs])
+            if np.mean(np.minimum(white**2, LOST**2)) < FAR:
+                break
         return found
 
     def tuned(self, vector: np.ndarray, names: Sequence[str]) -> Predictor:

@@ -64,7 +64,7 @@ def answer(
     pressure = pressure_scale(model.table, estimation) if unknown else None
     sensors = {} if pressure is None else {SENSOR_SCALE: pressure}
     by_filter = filter_of(estimation[0]).by_filter if unknown and isinstance(data.estimation, Predictor) else 0.0
-    if unknown and slow and estimation[0].position_measured:
+    if unknown and isinstance(data.estimation, SlowRuns) and estimation[0].position_measured:
         # Else they are as the sensors show: beside a random force a predictor gains by a filter that is too slow
         sensors |= {SENSOR_DELAY: 0.0, SENSOR_FILTER: by_filter}
     begin = beginning(model, sensors, by_filter)
@@ -130,7 +130,7 @@ def effects_tried(model: ModelStructure, records: Sequence[Record], slow: bool) 
     """The effects that a model may lack, tried also as they show: off its frequency a mode promises little.
 
     Those that the model begins with have the values of its first fit, and a base the mode that shows most between the
-    sensors. On an unknown table what is late by less than a part of a sample is another channel of a recorder, no lag.
+    sensors. On an unknown table a lag of less than a part of a sample may be the time between a recorder's channels.
     """
     shortest = SHORTEST_DELAY * records[0].sample_time if model.simulator.nuisances else 0.0
 

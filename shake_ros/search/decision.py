@@ -181,9 +181,7 @@ def from_lesser(problem: SearchProblem, current: ScoredFit, lesser: ScoredFit) -
     rows[:, [free.names.index(name) for name in names]] = lesser.fit.x
     strength = next(i for i, name in enumerate(free.names) if name not in names)
     rows[1, strength] = np.clip(0.0, free.low[strength], free.high[strength])
-    start = best_start(problem.estimation, free, rows)
-    settings = problem.settings
-    return problem.fitted(free, start, settings.converging_evaluations, settings.converged, near=True)
+    return problem.converged_from(free, best_start(problem.estimation, free, rows))
 
 
 def in_its_place(

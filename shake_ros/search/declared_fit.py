@@ -90,7 +90,7 @@ def with_late_parameters(problem: SearchProblem, current: ScoredFit) -> ScoredFi
         return current
     free = current.fit.free.extended(late)
     start = np.append(current.fit.x, free.start()[-len(late) :])
-    tried = problem.fitted(free, start, settings.converging_evaluations, settings.converged, near=True)
+    tried = problem.converged_from(free, start)
     helps = current.estimation_cost - tried.estimation_cost > settings.late_gain * above
     return tried if helps and tried.validation_cost < current.validation_cost else current
 

@@ -167,8 +167,11 @@ class SearchProblem:
 
     def converged_again(self, model: ScoredFit) -> ScoredFit:
         """A model fitted to these data from where it stands."""
-        most, tolerance = self.settings.converging_evaluations, self.settings.converged
-        return self.fitted(model.fit.free, model.fit.x, most, tolerance, near=True)
+        return self.converged_from(model.fit.free, model.fit.x)
+
+    def converged_from(self, free: FreeParameters, start: np.ndarray) -> ScoredFit:
+        """A fit to these data from near its end, until it gains no more."""
+        return self.fitted(free, start, self.settings.converging_evaluations, self.settings.converged, near=True)
 
     def scored(self, result: Fit) -> ScoredFit:
         """A fit with its costs, that of the validation data block by block as well."""

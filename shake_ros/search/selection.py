@@ -114,7 +114,7 @@ def selection_of(problem: SearchProblem, model: ModelStructure, answer: GivenAns
 
 def _with_all(problem: SearchProblem, model: ModelStructure, answer: GivenAnswer) -> ScoredFit:
     """The fit of free runs with all effects."""
-    settings, effects = problem.settings, answer.effects
+    effects = answer.effects
     problem.progress(f"fitting free runs with {' + '.join(c.effect for c in effects)}", 0.5)
     free = [*model.free, *model.late, *(p for c in effects for p in c.free)]
     parameters = FreeParameters(absent_on(answer.table, effects, answer.table), free)
@@ -125,7 +125,7 @@ def _with_all(problem: SearchProblem, model: ModelStructure, answer: GivenAnswer
     if least_known := [p.name for c in effects if c.narrow for p in reversed(c.free)]:
         problem.progress("slow motion first, then faster", 0.7)
         start = from_slow_to_fast(problem.estimation_pieces, parameters, start, least_known)
-    return problem.fitted(parameters, start, settings.converging_evaluations, settings.converged, near=True)
+    return problem.converged_from(parameters, start)
 
 
 def with_rivals(

@@ -55,7 +55,7 @@ def test_innovations_of_the_true_table_are_white_and_as_large_as_the_filter_expe
 
 
 @pytest.mark.parametrize("lag", [0.002, 0.08])
-def test_so_are_they_behind_a_slow_transducer_from_the_midst_of_a_motion(lag: float) -> None:
+def test_innovations_behind_a_slow_transducer_are_white_from_the_midst_of_a_motion(lag: float) -> None:
     made, rng = record(1, 5.0, noisy=False), np.random.default_rng(7)
     time, felt = np.arange(len(made.position)) * SAMPLE_TIME, made.acceleration
     path = CubicSpline(time, made.position)
