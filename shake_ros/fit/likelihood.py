@@ -30,7 +30,7 @@ class Levels:
     position, acceleration, pressure : of the sensors, in parts of what the recordings show [-].
     force : of the random force, in parts of the segment's acceleration [-]. memory : of that force [s].
     least_force : of the random force at least, per moved mass [m/s²].
-    null, null_drift : of a recording's null shift [-] and of its drift [1/√s].
+    null, null_drift : of a segment's own null shift, 0 where it has none [-], and of its drift [1/√s].
     bias, bias_drift : of the accelerometer's bias [m/s²] and of its drift [m/s²/√s].
     """
 
@@ -39,7 +39,7 @@ class Levels:
     force: float = 0.3
     memory: float = 0.03
     least_force: float = 0.0
-    null: float = 0.01
+    null: float = 0.0
     null_drift: float = 1e-5
     bias: float = 0.1
     bias_drift: float = 1e-4
@@ -56,7 +56,7 @@ class Likelihood(ABC):
     """
 
     levels: Levels
-    floor: float = 0.0
+    floor: float = 2e-3  # no model of a real table is right to a thousandth
     difference: float
 
     @property
@@ -179,5 +179,5 @@ class ShakenRuns(FreeRuns):
     What counts as noise there is what a linear filter of the command leaves: a mark, which a model may beat.
     """
 
-    floor = 0.0
+    floor = Likelihood.floor
     least = 0.0

@@ -59,12 +59,16 @@ DIFFERENCE, OVER_RIPPLES = 2e-4, 2e-2  # step of differences, the latter over wh
 SETTLING = 0.3  # random force while the state of a segment is found, in parts of its acceleration
 CLOSER = 0.03, 0.1, 0.3  # times the likeliest random force, at which effects show
 FAR = 200.0  # mean square of innovations beyond which a run has lost the table
+NULL_STEP, NULL_MOST = 1e-4, 5e-3  # of a null shift: step of its difference, and at most at once [-]
 SLOW = 40.0  # below which free runs are compared [Hz]
 
 
 @dataclass
 class FilteredSegment:
-    """One segment under the gains of a model. codes, gains, whitening : see physics/plant/prediction.py."""
+    """One segment under the gains of a model. codes, gains, whitening : see physics/plant/prediction.py.
+
+    by_null : change of the residuals by the null shift, over the root of its square and the prior's, shape (N,).
+    """
 
     segment: Segment
     codes: np.ndarray
@@ -75,6 +79,7 @@ class FilteredSegment:
     transition: np.ndarray
     sensing: np.ndarray
     pace: np.ndarray = field(default_factory=lambda: NO_PACE)
+    by_null: np.ndarray | None = None
 
     @property
     def weights(self) -> np.ndarray:
@@ -155,13 +160,36 @@ class Predictor(Likelihood):
 
         names : of the levels.
         """
-        best = self.filtered(vector)
+        best = self.filtered(vector).centred(vector)
         levels, before = likeliest(best, vector, names), float(np.sum(best.log_likelihood()))
         for part in PARTS if levels != best.levels else ():
             moved = best.with_levels(between(best.levels, levels, part)).filtered(vector)
             if np.sum(moved.log_likelihood()) > before + GAIN:
                 return moved
         return best
+
+    def centred(self, vector: np.ndarray) -> Predictor:
+        """The same with the null shift of each segment that is likeliest at the vector of its gains."""
+        if not self.levels.null:
+            return self
+        with ThreadPoolExecutor(workers()) as pool:
+            shifts = list(pool.map(lambda run: self._null_shift(vector, run), self.runs))
+        found = type(self)([s.shifted(m) for s, m in zip(self.segments, shifts, strict=True)], self.levels).filtered(
+            vector
+        )
+        gained = float(np.sum(found.log_likelihood()) - np.sum(self.log_likelihood()))
+        return found.centred(vector) if gained > GAIN else self
+
+    def _null_shift(self, vector: np.ndarray, run: FilteredSegment) -> float:
+        """Null shift of least residuals, to first order [-]."""
+        r, d = self._run(vector, run, False), self._by_null(vector, run)
+        shift = -float(d @ r) / (float(d @ d) + self.levels.null**-2)
+        return min(max(shift, -NULL_MOST), NULL_MOST)
+
+    def _by_null(self, vector: np.ndarray, run: FilteredSegment) -> np.ndarray:
+        """Change of the residuals by the null shift, shape (N,)."""
+        moved = replace(run, segment=run.segment.shifted(NULL_STEP))
+        return (self._run(vector, moved, False) - self._run(vector, run, False)) / NULL_STEP
 
     def _filter(self, vector: np.ndarray, s: Segment) -> FilteredSegment:
         table, n, levels = vector[:TABLE], len(s.commands), self.levels
@@ -236,24 +264,35 @@ class Predictor(Likelihood):
         return sum(int(np.count_nonzero(self._seen(r.segment, r.weights))) for r in self.runs)
 
     def residuals(self, vectors: np.ndarray) -> np.ndarray:
-        """Whitened innovations for rows of parameter vectors, shape (m, WIDTH) → (m, N)."""
-        tasks = [(run, i) for i in range(len(vectors)) for run in self.runs]
+        """Whitened innovations for rows of parameter vectors, shape (m, WIDTH) → (m, N).
+
+        Each at the null shift that leaves least, to first order (variable projection: Golub and Pereyra 1973).
+        """
+        tasks, k = [(vector, run, i > 0) for i, vector in enumerate(vectors) for run in self.runs], len(self.runs)
         if len(vectors) > 1:
             for run in self.runs:
                 run.pace = np.empty((len(run.segment.commands), 1 + MOST))
         with ThreadPoolExecutor(workers()) as pool:
-            first = list(pool.map(lambda t: self._run(vectors, *t), tasks[: len(self.runs)]))
-            rest = list(pool.map(lambda t: self._run(vectors, *t), tasks[len(self.runs) :]))
+            every = list(pool.map(lambda t: self._run(*t), tasks[:k]))
+            every += pool.map(lambda t: self._run(*t), tasks[k:])
+            if self.levels.null:
+                nulls = list(pool.map(lambda run: self._null_direction(vectors[0], run), self.runs))
+                every = [without(nulls[i % k], r) for i, r in enumerate(every)]
         for run in self.runs:
             run.pace = NO_PACE
-        every = first + rest
-        k = len(self.runs)
         return np.array([np.concatenate(every[i * k : (i + 1) * k]) for i in range(len(vectors))])
 
-    def _run(self, vectors: np.ndarray, run: FilteredSegment, i: int) -> np.ndarray:
-        s, vector = run.segment, vectors[i]
+    def _null_direction(self, vector: np.ndarray, run: FilteredSegment) -> np.ndarray:
+        """`by_null` of a run under its gains, made once."""
+        if run.by_null is None:
+            d = self._by_null(vector, run)
+            run.by_null = d / math.sqrt(float(d @ d) + self.levels.null**-2)
+        return run.by_null
+
+    def _run(self, vector: np.ndarray, run: FilteredSegment, following: bool) -> np.ndarray:
+        s = run.segment
         out = np.empty((len(s.commands), len(s.noise)))
-        following = i > 0 and len(run.pace) > 0
+        following = following and len(run.pace) > 0
         predict(
             *(FULL_LAYOUT.alone(vector[:TABLE])[0], s.commands, s.command_before, s.measured(vector[TABLE]), run.codes),
             *(run.gains, start_state(vector[:TABLE], s), self.decay(s), s.dt, TOLERANCE),
@@ -314,7 +353,14 @@ class SlowRuns(Predictor):
         levels = self.levels
         for name, size in zip(self.own_levels, sizes, strict=True):
             levels = moved_level(levels, name, float(size)) if name in names else levels
-        return self.with_levels(levels).filtered(vector)
+        return self.with_levels(levels).filtered(vector).centred(vector)
+
+
+def without(direction: np.ndarray, residuals: np.ndarray) -> np.ndarray:
+    """Residuals of a run less their part along a direction, both of shape (N,); those of a lost run as they are."""
+    if np.max(np.abs(residuals)) >= LOST:
+        return residuals
+    return np.asarray(residuals - direction * float(direction @ residuals))
 
 
 def deviations(
@@ -342,7 +388,7 @@ def deviations(
         LAGGED_ACCELERATION: (1.0, 0.0),
         LAGGED_POSITION: (s.noise[0], 0.0),
         FORCE: (force, force * math.sqrt(1.0 - left**2)),
-        NULL: (levels.null, levels.null_drift * math.sqrt(s.dt)),
+        NULL: (0.0, levels.null_drift * math.sqrt(s.dt)),
         BIAS: (levels.bias, levels.bias_drift * math.sqrt(s.dt)),
         FILTERED: (1.0, 0.0),
         FILTER_RATE: (100.0, 0.0),

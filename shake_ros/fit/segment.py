@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -72,6 +72,10 @@ class Segment:
             record.past,
             record.position_measured,
         )
+
+    def shifted(self, null: float) -> Segment:
+        """The same with the null shift of its valve larger by so much [-]."""
+        return replace(self, commands=self.commands + null, command_before=self.command_before + null)
 
     @cached_property
     def _spline(self) -> CubicSpline | None:

@@ -25,13 +25,14 @@ from shake_ros.search.loop import Scored, SearchData, SetSearch, Start
 from shake_ros.search.problem import ModelStructure
 from shake_ros.search.selection import GivenAnswer
 
+NULL_SHIFT = "effects.valve_null_shift.offset"  # what all recordings have in common of it
 STIFFNESS = "effects.coupling_backlash.stiffness"
 LAGS = ("accelerometer_lag", "position_sensor_lag")
 SECONDS, PIECE = 14.0, 3.5  # of the estimation data that are fitted, and length of each piece [s]
 VALIDATION_SECONDS = 10.0  # of the validation data
 GAP = 1.25  # times the width that the dwells show, from which a backlash starts: a dwell is noticed late
-DECLARED = Levels(force=3.0, null=1e-6, null_drift=1e-6, bias=1e-6, bias_drift=1e-7)  # offsets are effects here
-UNKNOWN = Levels(null=1e-4)  # the null shifts of whole recordings are in their commands by now
+DECLARED = Levels(force=3.0, null_drift=1e-6, bias=1e-6, bias_drift=1e-7)  # offsets are effects here
+UNKNOWN = Levels(null=0.01)
 
 
 def answer(
@@ -61,13 +62,14 @@ def answer(
     data = search_data(model, estimation, validation or estimation, slow)
     search = SetSearch(data, effects_tried(model, estimation, slow), budget, progress, shown, certain)
     unknown, predicted = model.simulator.nuisances, type(data.estimation) is Predictor
+    filtered = unknown and isinstance(data.estimation, Predictor)
     pressure = pressure_scale(model.table, estimation) if unknown else None
     sensors = {} if pressure is None else {SENSOR_SCALE: pressure}
-    by_filter = filter_of(estimation[0]).by_filter if unknown and isinstance(data.estimation, Predictor) else 0.0
+    by_filter = filter_of(estimation[0]).by_filter if filtered else 0.0
     if unknown and isinstance(data.estimation, SlowRuns) and estimation[0].position_measured:
         # Else they are as the sensors show: beside a random force a predictor gains by a filter that is too slow
         sensors |= {SENSOR_DELAY: 0.0, SENSOR_FILTER: by_filter}
-    begin = beginning(model, sensors, by_filter)
+    begin = beginning(model, sensors, by_filter, apart=(NULL_SHIFT,) if filtered else ())
     models, others, done = list[Scored](), dict[str, list[Scored]](), False
     with failures.step("search"):
         for better in search.run(begin, UNKNOWN if unknown else DECLARED):
@@ -100,12 +102,17 @@ def search_data(
     return SearchData(*(runs([Segment.of(r) for r in part], Levels()) for part in parts))
 
 
-def beginning(model: ModelStructure, sensors: Mapping[FreeParameter, float], by_filter: float) -> FreeModel:
+def beginning(
+    model: ModelStructure, sensors: Mapping[FreeParameter, float], by_filter: float, apart: Sequence[str] = ()
+) -> FreeModel:
     """The model with the effects that show without a search, from which it begins.
 
+    Parameters
+    ----------
     sensors : what is free of the sensors, with its value. by_filter : delay of the accelerometer's filter [s].
+    apart : parameters that each segment has for itself.
     """
-    own = [p for p in (*model.free, *model.late) if not is_of_recording(p.name)]
+    own = [p for p in (*model.free, *model.late) if not is_of_recording(p.name) and p.name not in apart]
     found = start_of(model.table, (*own, *sensors))
     sensor = tuple({**SENSOR, SENSOR_FILTER.name: by_filter}.values())
     found = replace(found, table=model.unbent or model.table, sensor=sensor)

@@ -82,16 +82,31 @@ class Scored:
         """Levels of noise of its estimation data."""
         return self.fitted.prediction.levels
 
+    @property
+    def count(self) -> int:
+        """Number of residuals of estimation and validation data."""
+        return self.fitted.prediction.count + self.seen.count
+
+    @property
+    def data(self) -> SearchData:
+        """The recordings with the null shifts that it tells."""
+        return SearchData(self.fitted.prediction, self.seen)
+
 
 def evidence(more: Scored, less: Scored) -> float:
     """Log odds of one model against another, from estimation and validation data [nats].
 
     No more counts than the fit gained on its own data: what only the validation data gain is chance.
     """
-    effects, better, worse = len(more.model.effects) - len(less.model.effects), more.by_block, less.by_block
-    worse = worse + effects * more.seen.floor * (more.fitted.prediction.count + more.seen.count) / len(better)
-    fitted = float(np.sum((better - worse)[: len(more.fitted.likelihood)]))
-    return min(_scattered(better - worse), fitted) - price_over(more, less)
+    gains = gains_by_block(more, less)
+    fitted = float(np.sum(gains[: len(more.fitted.likelihood)]))
+    return min(_scattered(gains), fitted) - price_over(more, less)
+
+
+def gains_by_block(more: Scored, less: Scored) -> np.ndarray:
+    """Gain by block beyond that by which an effect counts, shape (b,) [nats]."""
+    effects, gained = len(more.model.effects) - len(less.model.effects), more.by_block - less.by_block
+    return np.asarray(gained - effects * more.seen.floor * more.count / len(gained))
 
 
 def _scattered(gains: np.ndarray) -> float:
@@ -129,17 +144,18 @@ class SetSearch:
         self._without = dict[tuple[Scored, str], Scored]()
         self._loose = Levels()
 
-    def scored(self, model: FreeModel, steps: int, *levels: Levels) -> Scored:
+    def scored(self, model: FreeModel, steps: int, data: SearchData, *levels: Levels) -> Scored:
         """A model fitted by so many steps, and scored; the best fit of the same effects so far if that is better.
 
-        levels : of noise; it goes on from those under which its first steps lead to the likeliest model.
+        data : with the null shifts from which it starts. levels : of noise; it goes on from those under which its
+        first steps lead to the likeliest model.
         """
-        fitted = fit([self.data.estimation.with_levels(each) for each in levels], model, self.budget, steps=steps)
+        fitted = fit([data.estimation.with_levels(each) for each in levels], model, self.budget, steps=steps)
         known = self._fits.get(frozenset(model.effect_names))
         if known is not None and known.fitted.total >= fitted.total:
             return known
         vector = fitted.model.vectors(fitted.model.x)[0]
-        validation = self.data.validation.with_levels(fitted.prediction.levels)
+        validation = data.validation.with_levels(fitted.prediction.levels)
         seen = validation.tuned(vector, validation.own_levels)
         self._fits[frozenset(model.effect_names)] = found = Scored(fitted, seen, seen.log_likelihood())
         return found
@@ -152,7 +168,9 @@ class SetSearch:
         key = found, effect.name
         if key not in self._without:
             self.progress(f"is {effect.called} needed?")
-            self._without[key] = self.scored(found.model.without(effect.name), LONG, found.levels, self._loose)
+            self._without[key] = self.scored(
+                found.model.without(effect.name), LONG, found.data, found.levels, self._loose
+            )
         return self._without[key]
 
     def reduced(self, found: Scored) -> dict[str, Scored]:
@@ -166,7 +184,7 @@ class SetSearch:
     def settled(self, found: Scored) -> Scored:
         """A model fitted until that gains no more."""
         while not self.budget.over():
-            longer = self.scored(found.model, LONG, found.levels)
+            longer = self.scored(found.model, LONG, found.data, found.levels)
             if not longer.fitted.total > found.fitted.total + SETTLED:
                 break
             found = longer
@@ -179,11 +197,11 @@ class SetSearch:
         """
         self._loose = loose
         self.progress("declared model: fit")
-        best = self.scored(model, LONG, loose, replace(loose, force=TIGHT))
+        best = self.scored(model, LONG, self.data, loose, replace(loose, force=TIGHT))
         yield best
         if self.shown:
             self.progress(f"refit with {self.shown.effect.called}, which the recordings show")
-            best = self.scored(self.shown.on(best.model), LONG, best.levels)
+            best = self.scored(self.shown.on(best.model), LONG, best.data, best.levels)
             yield best
         if model.effects:
             best = self._reduced(best)
@@ -221,15 +239,18 @@ class SetSearch:
         against : the model that it has to be better than, where that is another one.
         """
         better = against or best
-        tried = self._refitted(best, worth_trying(proposals(self._screened(best)), len(best.fitted.likelihood)))
+        promised = proposals(self._screened(best))
+        least = Likelihood.floor * best.count  # of any kind: free runs promise far less than they gain
+        tried = self._refitted(best, worth_trying(promised, len(best.fitted.likelihood), least))
         if not tried:
             return None
         sure = [t for t in tried if evidence(t, better) > 0.0]
-        winner = max(sure or tried, key=lambda t: gain(t, best) - price_over(t, best))
-        if not sure:
-            fitted = _scattered(winner.fitted.likelihood - best.fitted.likelihood) > price_over(winner, best)
-            return self._step(self.settled(winner), best) if fitted and against is None else None
-        winner = self.settled(self._reduced(self.settled(winner)))
+        winner = self.settled(max(sure or tried, key=lambda t: gain(t, best) - price_over(t, best)))
+        if not evidence(winner, better) > 0.0:
+            fitted = _scattered(gains_by_block(winner, best)[: len(best.fitted.likelihood)])
+            further = against is None and fitted > price_over(winner, best)
+            return self._step(winner, best) if further else None
+        winner = self.settled(self._reduced(winner))
         same = set(winner.model.effect_names) == set(better.model.effect_names)
         return winner if evidence(winner, better) > (SETTLED if same else 0.0) else None
 
@@ -247,7 +268,7 @@ class SetSearch:
             return []
         left = [float(np.sum(fitted.prediction.residuals(m.vectors(m.x)) ** 2)) for m in moved]
         near = [m for m, cost in zip(moved, left, strict=True) if cost < WORSE * min(left)]
-        return [self.scored(m, STEPS, fitted.prediction.levels) for m in near if not self.budget.over()]
+        return [self.scored(m, STEPS, found.data, fitted.prediction.levels) for m in near if not self.budget.over()]
 
     def _screened(self, found: Scored) -> Linearised:
         """A model with every effect that it lacks, to first order; remembered, since rivals ask as well."""
@@ -284,11 +305,15 @@ def gain(more: Scored, less: Scored) -> float:
     return more.fitted.total - less.fitted.total + float(np.sum(more.validation - less.validation))
 
 
-def worth_trying(found: dict[int, list[EffectSet]], blocks: int) -> list[EffectSet]:
-    """The best set of each size that promises more than it costs, and rivals of the best single effect."""
+def worth_trying(found: dict[int, list[EffectSet]], blocks: int, least: float = 0.0) -> list[EffectSet]:
+    """The best set of each size that promises more than it costs, and rivals of the best single effect.
+
+    least : gain by which an effect counts [nats].
+    """
 
     def net(p: EffectSet) -> float:
-        return p.gain - price(len(p.trials), sum(len(t.candidate.free) for t in p.trials), blocks)
+        effects = len(p.trials)
+        return p.gain - price(effects, sum(len(t.candidate.free) for t in p.trials), blocks) - effects * least
 
     chosen = list[EffectSet]()
     singles = [p for p in found.get(1, []) if net(p) > 0.0]

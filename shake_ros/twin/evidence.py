@@ -73,10 +73,10 @@ class ScaledPredictor(Predictor):
         made.runs, made.mass = other.runs, mass
         return made
 
-    def _run(self, vectors: np.ndarray, run: FilteredSegment, i: int) -> np.ndarray:
+    def _run(self, vector: np.ndarray, run: FilteredSegment, following: bool) -> np.ndarray:
         force = np.isin(run.codes, (PRESSURE_A, FORCE))[:, None]
-        grown = float(np.sum(vectors[i, MOVED_MASS])) / self.mass
-        return super()._run(vectors, replace(run, gains=np.where(force, grown, 1.0) * run.gains), i)
+        grown = float(np.sum(vector[MOVED_MASS])) / self.mass
+        return super()._run(vector, replace(run, gains=np.where(force, grown, 1.0) * run.gains), following)
 
 
 @dataclass(frozen=True)
@@ -199,7 +199,7 @@ def conditional(covariance: np.ndarray, count: int) -> np.ndarray:
 FEW = 3  # windows, from the loudest to the calmest, that show the levels of noise and where the parameters about lie
 LEVELS = ("force", "acceleration", "position", "memory")
 MEMORIES = (0.1, 0.03, 0.01)  # of the random force that are tried [s]
-HELD = {"null": 1e-6, "null_drift": 1e-6, "bias": 1e-6, "bias_drift": 1e-7}  # offsets, which are followed instead
+HELD = {"null_drift": 1e-6, "bias": 1e-6, "bias_drift": 1e-7}  # offsets, which are followed instead
 STEPS, CONVERGED = 4, 1.0  # linearisations of the few and of all at most; foreseen gain at which they end [nats]
 
 

@@ -22,7 +22,7 @@ from shake_ros.fit.start.unknown_model import UnknownModel
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.settings import load_table
 
-QUIET = Levels(force=1e-3, null=1e-6, null_drift=1e-7, bias=1e-6, bias_drift=1e-7)
+QUIET = Levels(force=1e-3, null_drift=1e-7, bias=1e-6, bias_drift=1e-7)
 OFFSET = 3e5  # of the transducer [Pa]
 
 

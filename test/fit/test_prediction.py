@@ -75,6 +75,9 @@ class Misleading:
     def filtered(self, _vector: np.ndarray) -> Misleading:
         return self
 
+    def centred(self, _vector: np.ndarray) -> Misleading:
+        return self
+
     def with_levels(self, levels: Levels) -> Misleading:
         return Misleading(levels)
 

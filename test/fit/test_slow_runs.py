@@ -17,8 +17,8 @@ from shake_ros.search.candidates import listed
 
 GAP = "effects.coupling_backlash.gap"
 TRUTH = hidden.declared_truth(5)._replace(coupling_backlash=1.2e-4)
-STILL = Levels(force=3.0, null=1e-6, null_drift=1e-6, bias=1e-6, bias_drift=1e-7)
-FREE = Levels(force=1e-4, null=1e-6, null_drift=1e-6, bias=1e-6, bias_drift=1e-7)
+STILL = Levels(force=3.0, null_drift=1e-6, bias=1e-6, bias_drift=1e-7)
+FREE = Levels(force=1e-4, null_drift=1e-6, bias=1e-6, bias_drift=1e-7)
 
 
 @pytest.fixture(scope="module")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ from shake_ros.fit.solver import Budget, descend, fit
 from shake_ros.physics.plant.parameters import FULL_LAYOUT
 from shake_ros.settings import load_table
 
-LEVELS = Levels(force=3.0, null=1e-6, null_drift=1e-6, bias=1e-6, bias_drift=1e-7)
+LEVELS = Levels(force=3.0, null_drift=1e-6, bias=1e-6, bias_drift=1e-7)
 
 
 def run(seed: int, hidden: Hidden | None = None, seconds: float = 5.0) -> Record:
@@ -46,6 +47,18 @@ def test_fit_from_the_catalogue_finds_the_table_and_that_nothing_but_noise_is_le
 def test_force_that_no_parameter_explains_is_counted_as_process_noise() -> None:
     found = fit([Predictor([Segment.of(run(1, Hidden(flexible_mass=120.0)))], LEVELS)], declared(), Budget())
     assert found.prediction.levels.force > 0.02
+
+
+def test_a_fit_finds_the_null_shift_of_each_segment_with_the_parameters() -> None:
+    shifts = 4e-3, -6e-3
+    segments = [Segment.of(run(seed)).shifted(-shift) for seed, shift in zip((1, 2), shifts, strict=True)]
+    found = fit([Predictor(segments, replace(LEVELS, null=0.01))], declared(), Budget())
+    assert isinstance(found.prediction, Predictor)
+    moved = [f.commands[0] - s.commands[0] for f, s in zip(found.prediction.segments, segments, strict=True)]
+    print("null shifts:", *(f"{m:.2e}" for m in moved))
+    assert moved == pytest.approx(shifts, abs=2e-4)
+    assert found.model.value("valve.flow_coefficient") == pytest.approx(TRUE["valve.flow_coefficient"], rel=0.01)
+    assert found.prediction.levels.force < 0.01
 
 
 class TwoValleys(Likelihood):

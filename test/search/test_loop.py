@@ -75,7 +75,7 @@ def test_what_other_parameters_nearly_compensate_is_proposed_first(effect: str, 
     sets = ([r for r in runs if r.name.startswith(role)] for role in ("learn", "hold"))
     data = SearchData(*(Predictor([Segment.of(r) for r in pieces(found, 8.0, 3.5)], Levels()) for found in sets))
     search = SetSearch(data, [listed(c) for c in structure.candidates], Budget(), lambda _: None)
-    declared = search.scored(beginning(structure, {}, 0.0), LONG, DECLARED)
+    declared = search.scored(beginning(structure, {}, 0.0), LONG, data, DECLARED)
     absent = linearised(declared.fitted, search.listed, beside=(declared.seen,))
     assert proposals(absent, 1)[1][0].names == (effect,)
 
@@ -105,7 +105,8 @@ def test_gain_of_the_validation_data_alone_is_no_evidence(fitted: float, validat
         return SimpleNamespace(
             model=model,
             fitted=SimpleNamespace(prediction=prediction, likelihood=blocks),
-            seen=SimpleNamespace(count=1000, floor=0.0),
+            count=2000,
+            seen=SimpleNamespace(floor=0.0),
             by_block=np.concatenate([blocks, np.full(12, other)]),
         )
 
@@ -121,7 +122,7 @@ def test_a_model_without_an_effect_is_fitted_from_where_the_one_with_it_stands()
     sets = (Predictor([Segment.of(r) for r in pieces([run], 4.0, 3.5)], Levels()) for run in runs)
     search = SetSearch(SearchData(*sets), [], Budget(), lambda _: None)
     declared = start_of(structure.table, (*structure.free, *structure.late))
-    stuck = search.scored(declared.at(3.0 * declared.x), 0, Levels(force=3.0))
+    stuck = search.scored(declared.at(3.0 * declared.x), 0, search.data, Levels(force=3.0))
     slow = next(listed(c) for c in effect_candidates() if c.effect == "slow_valve")
     *_, better = search.run(declared.with_effect(slow, {slow.strength.name: slow.strength.scale}), DECLARED)
     assert better.model.effects == ()

@@ -16,7 +16,7 @@ from shake_ros.fit.segment import Segment
 from shake_ros.physics.plant.simulation import run
 from shake_ros.settings import load_table
 
-QUIET = Levels(force=1e-3, null=1e-6, null_drift=1e-7, bias=1e-6, bias_drift=1e-7)
+QUIET = Levels(force=1e-3, null_drift=1e-7, bias=1e-6, bias_drift=1e-7)
 
 
 def segment(seed: int = 1, **own: float) -> Segment:
@@ -89,8 +89,8 @@ def test_residuals_under_the_gains_of_the_filter_are_its_own_innovations() -> No
 def test_likelihood_at_other_levels_is_foreseen_from_the_derivatives() -> None:
     model, piece = true_model(**{"friction.viscous": 900.0}), segment()
     vector = model.vectors(model.x)[0]
-    prediction = Predictor([piece], Levels(force=0.3, null=1e-6, bias=1e-6)).filtered(vector)
-    for levels in (prediction.levels, Levels(force=0.6, null=1e-6, bias=1e-6), Levels(0.5 + 1.0, 2.0, 0.3, 0.05)):
+    prediction = Predictor([piece], Levels(force=0.3, bias=1e-6)).filtered(vector)
+    for levels in (prediction.levels, Levels(force=0.6, bias=1e-6), Levels(0.5 + 1.0, 2.0, 0.3, 0.05)):
         own = float(np.sum(prediction.with_levels(levels).filtered(vector).log_likelihood()))
         assert prediction.relevelled(vector, levels) == pytest.approx(own, rel=5e-3)
 
@@ -101,7 +101,7 @@ def test_random_force_follows_a_force_that_no_command_determines() -> None:
     quiet = Predictor([piece], QUIET).filtered(vector)
     pushed = true_model(**{"effects.constant_force.force": 650.0})
     other = pushed.vectors(pushed.x)[0]
-    loud = Predictor([piece], Levels(force=0.5, memory=0.1, null=1e-6, bias=1e-6)).filtered(other)
+    loud = Predictor([piece], Levels(force=0.5, memory=0.1, bias=1e-6)).filtered(other)
     (made,) = loud.runs
     force = made.path[piece.start :, list(made.codes).index(-1)]
     assert float(np.median(force)) == pytest.approx(-1.0, abs=0.35)  # it makes up for 650 N on 650 kg
