@@ -15,7 +15,7 @@ from shake_ros.explain.dependence import UNKNOWN, Remaining, remaining
 from shake_ros.explain.latent_force import LatentForce, latent_forces
 from shake_ros.failures import RAISING, Failures
 from shake_ros.fit.least_squares import never, time_is_over, within_budget
-from shake_ros.fit.nuisances.estimates import estimated_null_shifts, without_null_shifts
+from shake_ros.fit.nuisances.estimates import NuisanceEstimates, estimated_null_shifts, without_null_shifts
 from shake_ros.fit.records import FULL, DeclaredModel, Record
 from shake_ros.fit.solver import Budget
 from shake_ros.fit.start.backlash import BACKLASH, shows_backlash
@@ -111,7 +111,9 @@ def searched(
 
     def fitted(given: GivenAnswer) -> tuple[SearchProblem, Selection]:
         with within_budget(deadline_passed):  # what the search has found is fitted even where it was stopped
-            models = begun, selection_of(begun, model, given)
+            nuisances = NuisanceEstimates(shifts=given.shifts)
+            shifted = begun.with_nuisances(nuisances)
+            models = shifted, replace(selection_of(shifted, model, given), nuisances=nuisances)
         with failures.step("nuisance parameters"):
             models = with_nuisances(*models)
         return models

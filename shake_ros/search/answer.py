@@ -82,7 +82,18 @@ def answer(
     reduced = {} if not models else {e: m.model.found_table() for e, m in search.reduced(models[-1]).items()}
     best = models[-1].model if models else begin
     found = tuple(known[c.name] for c in best.effects)
-    return GivenAnswer(best.found_table(), found, rivals, reduced, not done, predicted)
+    shifts = null_shifts(data, models[-1].data, [*estimation, *validation]) if models else {}
+    return GivenAnswer(best.found_table(), found, rivals, reduced, not done, predicted, shifts)
+
+
+def null_shifts(begun: SearchData, found: SearchData, records: Sequence[Record]) -> dict[str, float]:
+    """Null shift by recording, the mean of its segments' [-]; none of free runs."""
+    more = dict[str, list[float]]()
+    for before, after in ((begun.estimation, found.estimation), (begun.validation, found.validation)):
+        if isinstance(before, Predictor) and isinstance(after, Predictor):
+            for one, other in zip(before.segments, after.segments, strict=True):
+                more.setdefault(one.name, []).append(float(other.commands[0] - one.commands[0]))
+    return {r.name: r.shift + float(np.mean(more[r.name])) for r in records if r.name in more}
 
 
 def search_data(

@@ -82,6 +82,7 @@ class GivenAnswer:
     table : with all of them. effects : candidates, the one that explains most first. rivals : candidates that explain
     nearly as much in the place of an effect, each with a table that has it. without : by effect, a table fitted without
     it. stopped : whether the search ended before it was done. predicted : by a predictor, and no free runs.
+    shifts : null shift by recording [-].
     """
 
     table: TableParameters
@@ -90,6 +91,7 @@ class GivenAnswer:
     without: Mapping[str, TableParameters] = field(default_factory=dict)
     stopped: bool = False
     predicted: bool = False
+    shifts: Mapping[str, float] = field(default_factory=dict)
 
 
 def selection_of(problem: SearchProblem, model: ModelStructure, answer: GivenAnswer) -> Selection:

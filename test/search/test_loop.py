@@ -19,7 +19,7 @@ from shake_ros.fit.prediction import Predictor
 from shake_ros.fit.records import Record
 from shake_ros.fit.segment import Segment, pieces
 from shake_ros.fit.solver import Budget
-from shake_ros.search.answer import DECLARED, answer, beginning
+from shake_ros.search.answer import DECLARED, answer, beginning, null_shifts
 from shake_ros.search.candidates import listed
 from shake_ros.search.loop import LONG, SearchData, SetSearch, evidence
 from shake_ros.search.proposal import linearised, proposals
@@ -90,6 +90,17 @@ def test_what_could_stand_in_the_place_of_an_effect_is_named_beside_it() -> None
     (effect,) = found.effects
     (other,) = (candidate.effect for candidate, _ in found.rivals[effect.effect])
     assert {effect.effect, other} == {"payload_error", "tank_back_pressure"}
+
+
+def test_null_shift_of_a_recording_is_the_mean_of_what_its_segments_show() -> None:
+    made = record(1, 4.0)
+    learnt = replace(Record("learn", SAMPLE_TIME, made.commands, made.position, made.acceleration), shift=1e-3)
+    held = replace(learnt, name="hold", shift=0.0)
+    halves = [Segment.of(learnt.part(slice(first, first + 2000))) for first in (0, 2000)]
+    begun = SearchData(Predictor(halves, Levels()), Predictor([Segment.of(held)], Levels()))
+    moved = [half.shifted(shift) for half, shift in zip(halves, (2e-3, 4e-3), strict=True)]
+    found = SearchData(Predictor(moved, Levels()), Predictor([Segment.of(held).shifted(-5e-3)], Levels()))
+    assert null_shifts(begun, found, [learnt, held]) == pytest.approx({"learn": 4e-3, "hold": -5e-3})
 
 
 def test_search_whose_time_is_over_gives_the_declared_table() -> None:
