@@ -246,13 +246,13 @@ class SetSearch:
             return None
         sure = [t for t in tried if evidence(t, better) > 0.0]
         winner = self.settled(max(sure or tried, key=lambda t: gain(t, best) - price_over(t, best)))
-        if not evidence(winner, better) > 0.0:
-            fitted = _scattered(gains_by_block(winner, best)[: len(best.fitted.likelihood)])
-            further = against is None and fitted > price_over(winner, best)
-            return self._step(winner, best) if further else None
-        winner = self.settled(self._reduced(winner))
-        same = set(winner.model.effect_names) == set(better.model.effect_names)
-        return winner if evidence(winner, better) > (SETTLED if same else 0.0) else None
+        kept = self.settled(self._reduced(winner))
+        same = set(kept.model.effect_names) == set(better.model.effect_names)
+        if evidence(kept, better) > (SETTLED if same else 0.0):
+            return kept
+        fitted = _scattered(gains_by_block(winner, best)[: len(best.fitted.likelihood)])
+        further = against is None and fitted > price_over(winner, best)
+        return self._step(winner, best) if further else None
 
     def _refitted(self, found: Scored, sets: Sequence[EffectSet]) -> list[Scored]:
         """A model with each of some sets more, but for those that leave far more than another: the first steps stand
