@@ -388,7 +388,7 @@ def deviations(
         LAGGED_ACCELERATION: (1.0, 0.0),
         LAGGED_POSITION: (s.noise[0], 0.0),
         FORCE: (force, force * math.sqrt(1.0 - left**2)),
-        NULL: (0.0, levels.null_drift * math.sqrt(s.dt)),
+        NULL: (levels.null_drift, levels.null_drift * math.sqrt(s.dt)),  # as after a second of drift
         BIAS: (levels.bias, levels.bias_drift * math.sqrt(s.dt)),
         FILTERED: (1.0, 0.0),
         FILTER_RATE: (100.0, 0.0),

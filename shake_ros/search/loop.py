@@ -4,15 +4,16 @@
     repeat
         linearise: its parameters, and every absent effect at finite trials
         propose sets of up to three effects by linear best-subset selection
-        refit the best set of each size; of those with evidence keep the one that gains most beyond its price
-        where all the gain is on the data of the fit, go one step on from the best of them
-        take out what the set can do without
+        refit the best set of each size; keep the one that gains most beyond its price, of those with evidence if any
+        take out what it can do without
+        where all its gain is on the data of the fit, go one step on from it
     until no set is worth it
     take out what the model can do without
     refit what could stand in the place of each effect
 
 The evidence of one model against another is the gain in log likelihood, on estimation and on validation data, tempered
-by how much it varies from block to block, less a charge for each parameter and for the number of sets tried.
+by how much it varies from block to block, less a charge for each parameter and for the number of sets tried, and less
+a part of what is left by which every effect has to change it.
 """
 
 from __future__ import annotations

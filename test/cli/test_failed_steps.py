@@ -110,8 +110,8 @@ def test_error_within_the_search_leaves_what_it_had_found(closed: Any, monkeypat
     (effect,) = (c for c in effect_candidates() if c.effect == "spool_deadband")
 
     def run(search: SetSearch, model: FreeModel, levels: Levels, *_: object) -> Iterator[Scored]:
-        yield search.scored(model, 1, levels)
-        yield search.scored(model.with_effect(listed(effect), effect.trials[0]), 1, levels)
+        yield search.scored(model, 1, search.data, levels)
+        yield search.scored(model.with_effect(listed(effect), effect.trials[0]), 1, search.data, levels)
         raise KeyError("behind the first effect")
 
     monkeypatch.setattr(SetSearch, "run", run)
