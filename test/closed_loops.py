@@ -133,7 +133,7 @@ def command(case: str, *, position: bool = True) -> Command:
     output, out = io.StringIO(), folder / "out"
     given = ["close_loop", "--learn", str(learn), "--hold", str(hold), "--out", str(out)]
     given += ["--tune"] if case == TUNED and position else []
-    tuning = short_tuning(Path(_folder.name), 2)
+    tuning = short_tuning(Path(_folder.name), 8)
     with (
         mock.patch.object(closing, "close_loop", kept),
         mock.patch.object(close_loop_verb, "search_settings", return_value=LEAN),

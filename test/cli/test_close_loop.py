@@ -63,7 +63,9 @@ def test_command_names_the_effect_and_prints_before_and_after() -> None:
     done = command("spool_deadband")
     assert done.code == 0
     assert "Missing: spool_deadband." in done.printed
-    assert "spool_deadband (valve): width 0.02" in done.printed
+    width = re.search(r"spool_deadband \(valve\): width ([\d.]+) ± ", done.printed)
+    assert width is not None
+    assert float(width[1]) == pytest.approx(DEAD_BAND, rel=0.005)
     row = re.search(r"^hold +validation +([\d.]+) % +([\d.]+) % +([\d.]+) % +([\d.]+) %", done.printed, re.MULTILINE)
     assert row is not None
     assert float(row[4]) < 0.1 * float(row[3])
