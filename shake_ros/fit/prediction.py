@@ -388,7 +388,7 @@ def deviations(
         LAGGED_ACCELERATION: (1.0, 0.0),
         LAGGED_POSITION: (s.noise[0], 0.0),
         FORCE: (force, force * math.sqrt(1.0 - left**2)),
-        NULL: (levels.null_drift, levels.null_drift * math.sqrt(s.dt)),  # as after a second of drift
+        NULL: (0.0 if levels.null else levels.null_drift, levels.null_drift * math.sqrt(s.dt)),
         BIAS: (levels.bias, levels.bias_drift * math.sqrt(s.dt)),
         FILTERED: (1.0, 0.0),
         FILTER_RATE: (100.0, 0.0),
