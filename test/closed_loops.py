@@ -16,13 +16,11 @@ from unittest import mock
 
 import numpy as np
 from hidden_table import SAMPLE_TIME, Hidden, record
-from short_tuning import short_tuning
 
 from shake_ros import __main__
 from shake_ros.api import close_loop as close_loop_verb
 from shake_ros.api.fitted import fit_data
 from shake_ros.api.read import read
-from shake_ros.api.tune_table import tune_table
 from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.failures import RAISING
 from shake_ros.fit.free_parameters import FreeParameters
@@ -133,11 +131,9 @@ def command(case: str, *, position: bool = True) -> Command:
     output, out = io.StringIO(), folder / "out"
     given = ["close_loop", "--learn", str(learn), "--hold", str(hold), "--out", str(out)]
     given += ["--tune"] if case == TUNED and position else []
-    tuning = short_tuning(Path(_folder.name), 8)
     with (
         mock.patch.object(closing, "close_loop", kept),
         mock.patch.object(close_loop_verb, "search_settings", return_value=LEAN),
-        mock.patch.object(close_loop_verb, "tune_table", functools.partial(tune_table, settings=tuning)),
         contextlib.redirect_stdout(output),
         contextlib.redirect_stderr(io.StringIO()),
     ):

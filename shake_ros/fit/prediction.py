@@ -174,22 +174,22 @@ class Predictor(Likelihood):
             return self
         with ThreadPoolExecutor(workers()) as pool:
             shifts = list(pool.map(lambda run: self._null_shift(vector, run), self.runs))
-        found = type(self)([s.shifted(m) for s, m in zip(self.segments, shifts, strict=True)], self.levels).filtered(
-            vector
-        )
+        moved = type(self)([s.shifted(m) for s, m in zip(self.segments, shifts, strict=True)], self.levels)
+        found = moved.filtered(vector)
         gained = float(np.sum(found.log_likelihood()) - np.sum(self.log_likelihood()))
         return found.centred(vector) if gained > GAIN else self
 
     def _null_shift(self, vector: np.ndarray, run: FilteredSegment) -> float:
         """Null shift of least residuals, to first order [-]."""
-        r, d = self._run(vector, run, False), self._by_null(vector, run)
+        r = self._run(vector, run, False)
+        d = self._by_null(vector, run, r)
         shift = -float(d @ r) / (float(d @ d) + self.levels.null**-2)
         return min(max(shift, -NULL_MOST), NULL_MOST)
 
-    def _by_null(self, vector: np.ndarray, run: FilteredSegment) -> np.ndarray:
-        """Change of the residuals by the null shift, shape (N,)."""
+    def _by_null(self, vector: np.ndarray, run: FilteredSegment, r: np.ndarray) -> np.ndarray:
+        """Change of a run's residuals r at a vector by the null shift, both of shape (N,)."""
         moved = replace(run, segment=run.segment.shifted(NULL_STEP))
-        return (self._run(vector, moved, False) - self._run(vector, run, False)) / NULL_STEP
+        return (self._run(vector, moved, False) - r) / NULL_STEP
 
     def _filter(self, vector: np.ndarray, s: Segment) -> FilteredSegment:
         table, n, levels = vector[:TABLE], len(s.commands), self.levels
@@ -276,16 +276,16 @@ class Predictor(Likelihood):
             every = list(pool.map(lambda t: self._run(*t), tasks[:k]))
             every += pool.map(lambda t: self._run(*t), tasks[k:])
             if self.levels.null:
-                nulls = list(pool.map(lambda run: self._null_direction(vectors[0], run), self.runs))
+                nulls = list(pool.map(lambda run, r: self._null_direction(vectors[0], run, r), self.runs, every[:k]))
                 every = [without(nulls[i % k], r) for i, r in enumerate(every)]
         for run in self.runs:
             run.pace = NO_PACE
         return np.array([np.concatenate(every[i * k : (i + 1) * k]) for i in range(len(vectors))])
 
-    def _null_direction(self, vector: np.ndarray, run: FilteredSegment) -> np.ndarray:
-        """`by_null` of a run under its gains, made once."""
+    def _null_direction(self, vector: np.ndarray, run: FilteredSegment, r: np.ndarray) -> np.ndarray:
+        """`by_null` of a run under its gains, made once from its residuals r at a vector."""
         if run.by_null is None:
-            d = self._by_null(vector, run)
+            d = self._by_null(vector, run, r)
             run.by_null = d / math.sqrt(float(d @ d) + self.levels.null**-2)
         return run.by_null
 

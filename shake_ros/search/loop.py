@@ -306,7 +306,7 @@ def gain(more: Scored, less: Scored) -> float:
     return more.fitted.total - less.fitted.total + float(np.sum(more.validation - less.validation))
 
 
-def worth_trying(found: dict[int, list[EffectSet]], blocks: int, least: float = 0.0) -> list[EffectSet]:
+def worth_trying(found: dict[int, list[EffectSet]], blocks: int, least: float) -> list[EffectSet]:
     """The best set of each size that promises more than it costs, and rivals of the best single effect.
 
     least : gain by which an effect counts [nats].
