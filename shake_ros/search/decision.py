@@ -107,10 +107,9 @@ def log_odds(problem: SearchProblem, model: ScoredFit, other: ScoredFit, effects
         return max(cost / noise, 1.0) * model.samples_for_one
 
     blocks = model.validation_blocks
-    samples = float(np.sum(blocks)) / max(model.validation_cost, 1e-300)
     fitted = len(model.fit.residuals) * (other.estimation_cost - model.estimation_cost - left)
     fitted /= 2.0 * variance(model.estimation_cost, problem.estimation.noise_cost())
-    gains = other.validation_blocks - blocks - left * samples / len(blocks)
+    gains = other.validation_blocks - (1.0 + left / max(model.validation_cost, 1e-300)) * blocks
     gains /= 2.0 * variance(model.validation_cost, problem.validation.noise_cost())
     more = len(model.fit.x) - len(other.fit.x)
     gain = tempered(float(np.sum(gains)), contradicted(gains))

@@ -68,6 +68,12 @@ def test_a_difference_counts_only_beyond_what_remains_unexplained() -> None:
     assert log_odds(problem(), best, other, left=left) < 0.0
 
 
+def test_calm_blocks_do_not_speak_against_a_difference_by_what_loud_ones_leave() -> None:
+    loud = np.where(np.arange(BLOCKS) % 2, 1.9, 0.1)
+    best, other = scored(2.0, 2.0 * loud), scored(4.0, 4.0 * loud)
+    assert log_odds(problem(), best, other, left=1.0) == pytest.approx(0.5 * log_odds(problem(), best, other))
+
+
 def test_a_difference_that_some_blocks_make_and_others_take_back_is_chance() -> None:
     swing = np.where(np.arange(BLOCKS) % 2, 1.0, -1.0)
     scattered, steady = scored(1.2, 1.14 + 0.9 * swing), scored(1.2, 1.14 + 0.05 * swing)
