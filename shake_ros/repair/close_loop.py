@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from shake_ros.explain.latent_force import LatentForce, latent_forces
 from shake_ros.failures import RAISING, Failures
 from shake_ros.fit.least_squares import never, time_is_over, within_budget
 from shake_ros.fit.nuisances.estimates import NuisanceEstimates, estimated_null_shifts, without_null_shifts
+from shake_ros.fit.prediction import Predictor
 from shake_ros.fit.records import FULL, DeclaredModel, Record
 from shake_ros.fit.solver import Budget
 from shake_ros.fit.start.backlash import BACKLASH, shows_backlash
@@ -27,7 +29,7 @@ from shake_ros.search.problem import ModelStructure, Progress, ScoredFit, Search
 from shake_ros.search.refined_nodes import refined_function
 from shake_ros.search.search_settings import SearchSettings
 from shake_ros.search.second_quantities import function_of_two, with_second_quantity
-from shake_ros.search.selection import GivenAnswer, Selection, selection_of
+from shake_ros.search.selection import GivenAnswer, Selection, selection_of, with_all
 from shake_ros.search.unlisted_functions import best_function, leaves_far_less, near_noise
 from shake_ros.search.verdict import EffectVerdict, with_verdicts
 
@@ -88,6 +90,29 @@ def close_loop(
         return concluded(replace(problem, progress=unstopped(progress)), selection, model, estimation, failures)
 
 
+class FittedAnswer(NamedTuple):
+    """An answer of the search, the recordings with the null shifts that it tells, and its fit of free runs."""
+
+    given: GivenAnswer
+    problem: SearchProblem
+    fit: ScoredFit
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of its effects."""
+        return tuple(c.effect for c in self.given.effects)
+
+    @property
+    def left(self) -> float:
+        """Validation cost over that of the noise [-]."""
+        return self.fit.validation_cost / self.problem.validation.noise_cost()
+
+    @property
+    def followed(self) -> bool:
+        """Whether the table was followed by a predictor, so that a search in slow motion can go on from its fit."""
+        return issubclass(self.given.likelihood, Predictor)
+
+
 def searched(
     problem: SearchProblem,
     model: ModelStructure,
@@ -103,28 +128,30 @@ def searched(
     """
     begun, budget = problem, Budget(over=time_is_over)
 
-    def search(slow: bool) -> GivenAnswer:
+    def search(model: ModelStructure, slow: bool) -> GivenAnswer:
         def report(line: str) -> None:
             begun.progress(f"slow motion: {line}" if slow else line, 0.3)
 
         return answer(model, estimation, validation, budget, report, failures, slow=slow)
 
-    def fitted(given: GivenAnswer) -> tuple[SearchProblem, Selection]:
+    def fitted(model: ModelStructure, slow: bool) -> FittedAnswer:
+        given = search(model, slow)
         with within_budget(deadline_passed):  # what the search has found is fitted even where it was stopped
-            nuisances = NuisanceEstimates(shifts=given.shifts)
-            shifted = begun.with_nuisances(nuisances)
-            models = shifted, replace(selection_of(shifted, model, given), nuisances=nuisances)
-        with failures.step("nuisance parameters"):
-            models = with_nuisances(*models)
-        return models
+            shifted = begun.with_nuisances(NuisanceEstimates(shifts=given.shifts))
+            return FittedAnswer(given, shifted, with_all(shifted, model, given))
 
-    def left(fitted: tuple[SearchProblem, Selection]) -> float:
-        return fitted[1].final.validation_cost / fitted[0].validation.noise_cost()
-
-    given = search(slow=False)
-    problem, found = fitted(given)
-    if given.predicted and not (budget.over() or near_noise(problem, found.final)):
-        problem, found = min((problem, found), fitted(search(slow=True)), key=left)
+    best = fitted(model, slow=False)
+    while best.followed and not (budget.over() or near_noise(best.problem, best.fit)):
+        more = fitted(model.from_found(best.fit.fit.table, best.effects), slow=True)
+        known, best = set(best.effects), min(best, more, key=lambda f: f.left)
+        if best is not more or set(more.effects) == known:
+            break
+    with within_budget(deadline_passed):
+        nuisances = NuisanceEstimates(shifts=best.given.shifts)
+        found = replace(selection_of(best.problem, model, best.given, best.fit), nuisances=nuisances)
+    problem = best.problem
+    with failures.step("nuisance parameters"):
+        problem, found = with_nuisances(problem, found)
     with failures.step("search for an unlisted effect"), contextlib.suppress(Stopped):
         found = with_function(replace(problem, progress=progress), found)
     with failures.step("search beside process noise"):
@@ -286,7 +313,5 @@ def continued(
     estimation, validation : all recordings, the new ones too.
     settings, progress, deadline_passed, failures : as of `close_loop`.
     """
-    found = [step.chosen.candidate.effect for step in before.search.steps]
-    table = before.search.final.fit.table
-    begin = replace(model, table=table.without(found), fitted=table, shown=tuple(found), unbent=None)
+    begin = model.from_found(before.search.final.fit.table, before.search.effects)
     return close_loop(begin, estimation, validation, settings, progress, deadline_passed, failures)

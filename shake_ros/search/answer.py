@@ -61,7 +61,7 @@ def answer(
     slow = slow or BACKLASH in certain
     data = search_data(model, estimation, validation or estimation, slow)
     search = SetSearch(data, effects_tried(model, estimation, slow), budget, progress, shown, certain)
-    unknown, predicted = model.simulator.nuisances, type(data.estimation) is Predictor
+    unknown = model.simulator.nuisances
     filtered = unknown and isinstance(data.estimation, Predictor)
     pressure = pressure_scale(model.table, estimation) if unknown else None
     sensors = {} if pressure is None else {SENSOR_SCALE: pressure}
@@ -74,7 +74,12 @@ def answer(
     with failures.step("search"):
         for better in search.run(begin, UNKNOWN if unknown else DECLARED):
             models.append(better)
-        others, done = search.rivals(models[-1]), not budget.over()
+            names = better.model.effect_names
+            if BACKLASH in names and not shown and set(names) != set(begin.effect_names):
+                break  # no predictor follows its contacts, nor tells slow motion all: a fit of free runs comes first
+        else:
+            others = search.rivals(models[-1])
+        done = not budget.over()
     rivals = {
         effect: tuple((known[m.model.effects[-1].name], m.model.found_table()) for m in instead)
         for effect, instead in others.items()
@@ -83,7 +88,7 @@ def answer(
     best = models[-1].model if models else begin
     found = tuple(known[c.name] for c in best.effects)
     shifts = null_shifts(data, models[-1].data, [*estimation, *validation]) if models else {}
-    return GivenAnswer(best.found_table(), found, rivals, reduced, not done, predicted, shifts)
+    return GivenAnswer(best.found_table(), found, rivals, reduced, not done, type(data.estimation), shifts)
 
 
 def null_shifts(begun: SearchData, found: SearchData, records: Sequence[Record]) -> dict[str, float]:
@@ -131,7 +136,7 @@ def beginning(
     for c in model.candidates:
         if model.fitted is not None and c.effect in model.shown:
             values = {p.name: model.fitted.value(p.name) for p in c.free}
-            found = found.with_effect(tried(c, slow=True), values)  # a backlash that shows is searched slowly
+            found = found.with_effect(tried(c, slow=True, fitted=True), values)  # a backlash that shows: slow motion
     return found
 
 
@@ -157,16 +162,22 @@ def effects_tried(model: ModelStructure, records: Sequence[Record], slow: bool) 
             return effect
         return effect.with_trial({p.name: model.fitted.value(p.name) for p in effect.free})
 
-    effects = [as_shown(tried(c, slow)) for c in model.candidates]
+    effects = [as_shown(tried(c, slow, c.effect in model.shown)) for c in model.candidates]
     effects = [e.with_least(shortest) if e.name in LAGS else e for e in effects]
     base = base_between(records) if any(e.name == BASE for e in effects) else None
     return effects if base is None else [e.with_trial(base.on(model.table)) if e.name == BASE else e for e in effects]
 
 
-def tried(candidate: CandidateEffect, slow: bool) -> TriedEffect:
-    """An effect as the search tries it: slow motion leaves a backlash's mass on the piston's side, its last, open."""
+def tried(candidate: CandidateEffect, slow: bool, fitted: bool = False) -> TriedEffect:
+    """An effect as the search tries it.
+
+    Slow motion leaves a backlash's mass on the piston's side open, its last parameter; once fitted to all motion it
+    keeps its stiffness, too.
+    """
     effect = listed(candidate)
-    return replace(effect, free=effect.free[:-1]) if slow and effect.name == BACKLASH else effect
+    if not slow or effect.name != BACKLASH:
+        return effect
+    return replace(effect, free=effect.free[:1] if fitted else effect.free[:-1])
 
 
 def backlash(effect: CandidateEffect | None, records: Sequence[Record]) -> Start | None:

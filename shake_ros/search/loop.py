@@ -204,9 +204,6 @@ class SetSearch:
             self.progress(f"refit with {self.shown.effect.called}, which the recordings show")
             best = self.scored(self.shown.on(best.model), LONG, best.data, best.levels)
             yield best
-        if model.effects:
-            best = self._reduced(best)
-            yield best
         while not self.budget.over():
             found = self._step(best)
             if found is None:

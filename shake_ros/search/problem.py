@@ -56,6 +56,10 @@ class ModelStructure:
     between: tuple[str, ...] = ()
     unbent: TableParameters | None = None
 
+    def from_found(self, table: TableParameters, effects: Sequence[str]) -> ModelStructure:
+        """The same with the effects that a table has, from which a search goes on."""
+        return replace(self, table=table.without(effects), fitted=table, shown=tuple(effects), unbent=None)
+
 
 class Stopped(Exception):
     """A search is to end with what it has found; whoever receives its progress may raise it."""

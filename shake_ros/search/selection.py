@@ -13,7 +13,9 @@ import numpy as np
 
 from shake_ros.fit.free_parameters import FreeParameters
 from shake_ros.fit.least_squares import best_start
+from shake_ros.fit.likelihood import FreeRuns, Likelihood
 from shake_ros.fit.nuisances.estimates import NuisanceEstimates
+from shake_ros.fit.prediction import SlowRuns
 from shake_ros.fit.start.narrow_valleys import from_slow_to_fast
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.search.candidate_effects import CandidateEffect
@@ -63,6 +65,11 @@ class Selection:
             steps.append(replace(step, chosen=chosen, ranking=(chosen, *step.ranking[1:])))
         return replace(self, declared=moved(self.declared), steps=tuple(steps), final=final)
 
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of the effects of its steps."""
+        return tuple(step.chosen.candidate.effect for step in self.steps)
+
     def near_without(self, effect: str) -> list[TableParameters]:
         """Tables near the fit without one of the effects; none where the search has no such fit."""
         known = [self.without[effect]] if effect in self.without else []
@@ -81,7 +88,7 @@ class GivenAnswer:
     ----------
     table : with all of them. effects : candidates, the one that explains most first. rivals : candidates that explain
     nearly as much in the place of an effect, each with a table that has it. without : by effect, a table fitted without
-    it. stopped : whether the search ended before it was done. predicted : by a predictor, and no free runs.
+    it. stopped : whether the search ended before it was done. likelihood : by which it was found.
     shifts : null shift by recording [-].
     """
 
@@ -90,17 +97,18 @@ class GivenAnswer:
     rivals: Mapping[str, Sequence[tuple[CandidateEffect, TableParameters]]]
     without: Mapping[str, TableParameters] = field(default_factory=dict)
     stopped: bool = False
-    predicted: bool = False
+    likelihood: type[Likelihood] = FreeRuns
     shifts: Mapping[str, float] = field(default_factory=dict)
 
 
-def selection_of(problem: SearchProblem, model: ModelStructure, answer: GivenAnswer) -> Selection:
-    """The declared model and that with all effects, fitted to free runs; those between roughly, each from the next."""
-    declared = fit_declared(problem, FreeParameters(model.table, model.free), bool(answer.effects))
-    declared = with_late_parameters(problem, declared)
+def selection_of(problem: SearchProblem, model: ModelStructure, answer: GivenAnswer, near: ScoredFit) -> Selection:
+    """The declared model and that with all effects, fitted to free runs; those between roughly, each from the next.
+
+    near : the fit with all effects, near its end.
+    """
     if not answer.effects:
-        return Selection(declared, (), declared, stopped=answer.stopped)
-    final = _with_all(problem, model, answer)
+        return Selection(near, (), near, stopped=answer.stopped)
+    declared, final = declared_fit(problem, model, lacking=True), problem.converged_again(near)
     models = [final]
     for candidate in answer.effects[:0:-1]:
         known = answer.without.get(candidate.effect) if models[0] is final else None
@@ -114,9 +122,19 @@ def selection_of(problem: SearchProblem, model: ModelStructure, answer: GivenAns
     return found if answer.stopped else with_rivals(problem, found, answer.rivals)
 
 
-def _with_all(problem: SearchProblem, model: ModelStructure, answer: GivenAnswer) -> ScoredFit:
-    """The fit of free runs with all effects."""
-    effects = answer.effects
+def declared_fit(problem: SearchProblem, model: ModelStructure, *, lacking: bool) -> ScoredFit:
+    """The declared model, fitted to free runs; only roughly where it lacks something."""
+    return with_late_parameters(problem, fit_declared(problem, FreeParameters(model.table, model.free), lacking))
+
+
+def with_all(problem: SearchProblem, model: ModelStructure, answer: GivenAnswer) -> ScoredFit:
+    """The fit of free runs with all effects, near its end.
+
+    An effect with a narrow valley that a search in slow motion has found for the first time comes to it band by band.
+    """
+    effects, settings = answer.effects, problem.settings
+    if not effects:
+        return declared_fit(problem, model, lacking=False)
     problem.progress(f"fitting free runs with {' + '.join(c.effect for c in effects)}", 0.5)
     free = [*model.free, *model.late, *(p for c in effects for p in c.free)]
     parameters = FreeParameters(absent_on(answer.table, effects, answer.table), free)
@@ -124,10 +142,12 @@ def _with_all(problem: SearchProblem, model: ModelStructure, answer: GivenAnswer
     if model.fitted is not None and {c.effect for c in effects} == set(model.shown):
         tables.append(model.fitted)  # a fit of free runs from where the search began
     start = best_start(problem.estimation, parameters, np.array([parameters.x_on(t) for t in tables]))
-    if least_known := [p.name for c in effects if c.narrow for p in reversed(c.free)]:
+    new = [c for c in effects if c.narrow and c.effect not in model.shown]
+    if new and answer.likelihood is SlowRuns:
         problem.progress("slow motion first, then faster", 0.7)
-        start = from_slow_to_fast(problem.estimation_pieces, parameters, start, least_known)
-    return problem.converged_from(parameters, start)
+        own = [p.name for c in new for p in reversed(c.free)]
+        start = from_slow_to_fast(problem.estimation_pieces, parameters, start, own)
+    return problem.fitted(parameters, start, settings.continued_evaluations, settings.continued_tolerance, near=True)
 
 
 def with_rivals(

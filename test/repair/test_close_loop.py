@@ -14,6 +14,7 @@ from shake_ros.declared import effect_candidates, model_structure
 from shake_ros.failures import RAISING
 from shake_ros.fit.free_parameters import FreeParameters
 from shake_ros.fit.least_squares import Fit, never
+from shake_ros.fit.prediction import Predictor
 from shake_ros.repair import close_loop as closing
 from shake_ros.repair.close_loop import passed_through, searched
 from shake_ros.search.decision import ForwardStep, Refit
@@ -48,7 +49,7 @@ def test_slow_motion_is_searched_where_the_predictor_leaves_much(hidden: str, mo
     def answer(model: ModelStructure, *_: object, slow: bool) -> GivenAnswer:
         asked.append(slow)
         table = model.table.with_values({effect.strength.name: DEAD_BAND})
-        return GivenAnswer(table, (effect,), {}) if slow else GivenAnswer(model.table, (), {}, predicted=True)
+        return GivenAnswer(table, (effect,), {}) if slow else GivenAnswer(model.table, (), {}, likelihood=Predictor)
 
     monkeypatch.setattr(closing, "answer", answer)
     model = replace(model_structure(load_table("bergamo")), candidates=(effect,))
