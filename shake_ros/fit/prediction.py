@@ -47,7 +47,6 @@ from shake_ros.physics.plant.states import (
     SPECIMEN_RATE,
     VELOCITY,
 )
-from shake_ros.signals.velocity_filter import low_pass
 
 INDEX = FULL_LAYOUT.index
 SIGNALS = ("position", "acceleration", "pressure")  # in the order in which a segment has them
@@ -55,12 +54,11 @@ GAP, LATE = INDEX["effects.coupling_backlash.gap"], INDEX["effects.position_sens
 RESONANT = 8.0  # motion of a specimen over that of its table, with which a segment may begin
 SPEED = 0.05  # standard deviation of the velocity with which a segment begins [m/s]
 TOLERANCE = 1e-6  # of a run; a hundred times more would make likelihoods wrong by a hundred nats
-DIFFERENCE, OVER_RIPPLES = 2e-4, 2e-2  # step of differences, the latter over what ripples in a free run with contacts
+DIFFERENCE = 2e-4  # step of differences
 SETTLING = 0.3  # random force while the state of a segment is found, in parts of its acceleration
 CLOSER = 0.03, 0.1, 0.3  # times the likeliest random force, at which effects show
 FAR = 200.0  # mean square of innovations beyond which a run has lost the table
 NULL_STEP, NULL_MOST = 1e-4, 5e-3  # of a null shift: step of its difference, and at most at once [-]
-SLOW = 40.0  # below which free runs are compared [Hz]
 
 
 @dataclass
@@ -312,48 +310,6 @@ class Predictor(Likelihood):
             found.append(np.repeat(numbers, len(run.segment.noise)))
             first = int(numbers[-1]) + 1
         return np.concatenate(found)
-
-
-class SlowRuns(Predictor):
-    """What free runs leave of velocity and acceleration below a frequency: where no predictor follows the contacts.
-
-    The ringing of contacts follows their parameters so fast that a whole free run is a maze within some per cent of the
-    truth; what is slow is a single valley from far off.
-    """
-
-    floor = 0.05  # contacts leave more than the noise of any model, and every effect takes some of that
-    difference = OVER_RIPPLES
-
-    def __init__(self, segments: Sequence[Segment], levels: Levels) -> None:
-        super().__init__(segments, replace(levels, force=LIMITS["force"][0]))
-
-    @property
-    def own_levels(self) -> tuple[str, ...]:
-        """Levels of the sensors."""
-        return SIGNALS[: len(self.segments[0].noise)]
-
-    def _every(self, s: Segment) -> int:
-        """Samples from one that counts to the next: as many as are independent in the band."""
-        return max(int(0.5 / (SLOW * s.dt)), 1)
-
-    def _seen(self, s: Segment, samples: np.ndarray) -> np.ndarray:
-        return samples[s.start :: self._every(s)]
-
-    def _white(self, run: FilteredSegment, innovations: np.ndarray) -> np.ndarray:
-        s = run.segment
-        white = np.nan_to_num(run.weights * innovations, nan=LOST, posinf=LOST, neginf=-LOST)
-        slow = low_pass(white.T, s.dt, SLOW).T * math.sqrt(self._every(s))
-        slow[:, 0] = np.gradient(slow[:, 0], s.dt) * math.sqrt(3.0) / (2.0 * math.pi * SLOW)  # as of the velocity
-        return self._seen(s, slow)
-
-    def tuned(self, vector: np.ndarray, names: Sequence[str]) -> Predictor:
-        """The same with the gains of a parameter vector, at the sensors' levels that its residuals show."""
-        white = np.concatenate([self._white(run, run.innovations) for run in self.filtered(vector).runs])
-        sizes = np.sqrt(np.mean(np.minimum(white, LOST) ** 2, axis=0))
-        levels = self.levels
-        for name, size in zip(self.own_levels, sizes, strict=True):
-            levels = moved_level(levels, name, float(size)) if name in names else levels
-        return self.with_levels(levels).filtered(vector).centred(vector)
 
 
 def without(direction: np.ndarray, residuals: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ from shake_ros.explain.dependence import UNKNOWN, Remaining, remaining
 from shake_ros.explain.latent_force import LatentForce, latent_forces
 from shake_ros.failures import RAISING, Failures
 from shake_ros.fit.least_squares import never, time_is_over, within_budget
-from shake_ros.fit.nuisances.estimates import NuisanceEstimates, estimated_null_shifts, without_null_shifts
+from shake_ros.fit.nuisances.estimates import estimated_null_shifts, without_null_shifts
 from shake_ros.fit.prediction import Predictor
 from shake_ros.fit.records import FULL, DeclaredModel, Record
 from shake_ros.fit.solver import Budget
@@ -108,8 +108,8 @@ class FittedAnswer(NamedTuple):
         return self.fit.validation_cost / self.problem.validation.noise_cost()
 
     @property
-    def followed(self) -> bool:
-        """Whether the table was followed by a predictor, so that a search in slow motion can go on from its fit."""
+    def whole(self) -> bool:
+        """Whether the model is of a whole table, neither reduced nor shaken: slow motion can go on from its fit."""
         return issubclass(self.given.likelihood, Predictor)
 
 
@@ -128,28 +128,24 @@ def searched(
     """
     begun, budget = problem, Budget(over=time_is_over)
 
-    def search(model: ModelStructure, slow: bool) -> GivenAnswer:
+    def fitted(model: ModelStructure, slow: bool) -> FittedAnswer:
         def report(line: str) -> None:
             begun.progress(f"slow motion: {line}" if slow else line, 0.3)
 
-        return answer(model, estimation, validation, budget, report, failures, slow=slow)
-
-    def fitted(model: ModelStructure, slow: bool) -> FittedAnswer:
-        given = search(model, slow)
+        given = answer(model, estimation, validation, budget, report, failures, slow=slow)
         with within_budget(deadline_passed):  # what the search has found is fitted even where it was stopped
-            shifted = begun.with_nuisances(NuisanceEstimates(shifts=given.shifts))
+            shifted = begun.with_nuisances(given.nuisances)
             return FittedAnswer(given, shifted, with_all(shifted, model, given))
 
     best = fitted(model, slow=False)
-    while best.followed and not (budget.over() or near_noise(best.problem, best.fit)):
+    while best.whole and not (budget.over() or near_noise(best.problem, best.fit)):
         more = fitted(model.from_found(best.fit.fit.table, best.effects), slow=True)
         known, best = set(best.effects), min(best, more, key=lambda f: f.left)
         if best is not more or set(more.effects) == known:
             break
-    with within_budget(deadline_passed):
-        nuisances = NuisanceEstimates(shifts=best.given.shifts)
-        found = replace(selection_of(best.problem, model, best.given, best.fit), nuisances=nuisances)
     problem = best.problem
+    with within_budget(deadline_passed):
+        found = selection_of(problem, model, best.given, best.fit)
     with failures.step("nuisance parameters"):
         problem, found = with_nuisances(problem, found)
     with failures.step("search for an unlisted effect"), contextlib.suppress(Stopped):

@@ -11,11 +11,13 @@ from shake_ros.failures import RAISING, Failures
 from shake_ros.fit.free_parameters import FreeParameter, is_of_recording
 from shake_ros.fit.likelihood import FreeRuns, Levels, ShakenRuns
 from shake_ros.fit.model import SENSOR, SENSOR_DELAY, SENSOR_FILTER, SENSOR_SCALE, FreeModel, TriedEffect, start_of
+from shake_ros.fit.nuisances.estimates import NuisanceEstimates
 from shake_ros.fit.nuisances.sensor_filter import SHORTEST_DELAY, filter_of
 from shake_ros.fit.nuisances.sensor_pair import BASE, base_between
-from shake_ros.fit.prediction import Predictor, SlowRuns
+from shake_ros.fit.prediction import Predictor
 from shake_ros.fit.records import Record, windows
 from shake_ros.fit.segment import Segment, pieces
+from shake_ros.fit.slow_runs import SlowRuns
 from shake_ros.fit.solver import Budget
 from shake_ros.fit.start.backlash import BACKLASH, shows_backlash, width_of_gap
 from shake_ros.physics.plant.parameters import FULL_LAYOUT, TableParameters
@@ -88,7 +90,8 @@ def answer(
     best = models[-1].model if models else begin
     found = tuple(known[c.name] for c in best.effects)
     shifts = null_shifts(data, models[-1].data, [*estimation, *validation]) if models else {}
-    return GivenAnswer(best.found_table(), found, rivals, reduced, not done, type(data.estimation), shifts)
+    nuisances = NuisanceEstimates(shifts=shifts)
+    return GivenAnswer(best.found_table(), found, rivals, reduced, not done, type(data.estimation), nuisances)
 
 
 def null_shifts(begun: SearchData, found: SearchData, records: Sequence[Record]) -> dict[str, float]:
@@ -136,7 +139,7 @@ def beginning(
     for c in model.candidates:
         if model.fitted is not None and c.effect in model.shown:
             values = {p.name: model.fitted.value(p.name) for p in c.free}
-            found = found.with_effect(tried(c, slow=True, fitted=True), values)  # a backlash that shows: slow motion
+            found = found.with_effect(tried(c, slow=True, fitted=True), values)  # beside backlash motion is slow
     return found
 
 

@@ -95,6 +95,11 @@ def with_late_parameters(problem: SearchProblem, current: ScoredFit) -> ScoredFi
     return tried if helps and tried.validation_cost < current.validation_cost else current
 
 
+def declared_model(problem: SearchProblem, model: ModelStructure, lacking: bool = False) -> ScoredFit:
+    """The declared model as of `fit_declared`, with its late parameters where they help."""
+    return with_late_parameters(problem, fit_declared(problem, FreeParameters(model.table, model.free), lacking))
+
+
 def identify(
     model: ModelStructure,
     estimation: Sequence[Record],
@@ -107,8 +112,7 @@ def identify(
     The validation data take no part in the fit: which parameters are freed late is decided on the estimation data.
     """
     problem = SearchProblem.of(model, estimation, (), settings, progress)
-    declared = fit_declared(problem, FreeParameters(model.table, model.free))
-    found = with_late_parameters(problem, declared)
+    found = declared_model(problem, model)
     if problem.partial:
         progress("final fit to all estimation data", 0.9)
         problem = problem.on_whole(estimation)

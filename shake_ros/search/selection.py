@@ -15,12 +15,12 @@ from shake_ros.fit.free_parameters import FreeParameters
 from shake_ros.fit.least_squares import best_start
 from shake_ros.fit.likelihood import FreeRuns, Likelihood
 from shake_ros.fit.nuisances.estimates import NuisanceEstimates
-from shake_ros.fit.prediction import SlowRuns
+from shake_ros.fit.slow_runs import SlowRuns
 from shake_ros.fit.start.narrow_valleys import from_slow_to_fast
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.search.candidate_effects import CandidateEffect
 from shake_ros.search.decision import ForwardStep, Refit, absent_on, decide, in_its_place, ranked, taken_out
-from shake_ros.search.declared_fit import fit_declared, with_late_parameters
+from shake_ros.search.declared_fit import declared_model
 from shake_ros.search.problem import ModelStructure, ScoredFit, SearchProblem
 from shake_ros.search.unlisted_functions import FunctionSearch
 
@@ -89,7 +89,7 @@ class GivenAnswer:
     table : with all of them. effects : candidates, the one that explains most first. rivals : candidates that explain
     nearly as much in the place of an effect, each with a table that has it. without : by effect, a table fitted without
     it. stopped : whether the search ended before it was done. likelihood : by which it was found.
-    shifts : null shift by recording [-].
+    nuisances : with the null shifts that it tells.
     """
 
     table: TableParameters
@@ -98,7 +98,7 @@ class GivenAnswer:
     without: Mapping[str, TableParameters] = field(default_factory=dict)
     stopped: bool = False
     likelihood: type[Likelihood] = FreeRuns
-    shifts: Mapping[str, float] = field(default_factory=dict)
+    nuisances: NuisanceEstimates = field(default_factory=NuisanceEstimates)
 
 
 def selection_of(problem: SearchProblem, model: ModelStructure, answer: GivenAnswer, near: ScoredFit) -> Selection:
@@ -107,8 +107,8 @@ def selection_of(problem: SearchProblem, model: ModelStructure, answer: GivenAns
     near : the fit with all effects, near its end.
     """
     if not answer.effects:
-        return Selection(near, (), near, stopped=answer.stopped)
-    declared, final = declared_fit(problem, model, lacking=True), problem.converged_again(near)
+        return Selection(near, (), near, stopped=answer.stopped, nuisances=answer.nuisances)
+    declared, final = declared_model(problem, model, lacking=True), problem.converged_again(near)
     models = [final]
     for candidate in answer.effects[:0:-1]:
         known = answer.without.get(candidate.effect) if models[0] is final else None
@@ -118,13 +118,10 @@ def selection_of(problem: SearchProblem, model: ModelStructure, answer: GivenAns
     for candidate, before, after in zip(answer.effects, [declared, *models[:-1]], models, strict=True):
         chosen = Refit(candidate, after, 1.0 - after.estimation_cost / max(before.estimation_cost, 1e-300))
         steps.append(ForwardStep(chosen, (chosen,)))
-    found = Selection(declared, tuple(steps), final, without=answer.without, stopped=answer.stopped)
+    found = Selection(
+        declared, tuple(steps), final, without=answer.without, stopped=answer.stopped, nuisances=answer.nuisances
+    )
     return found if answer.stopped else with_rivals(problem, found, answer.rivals)
-
-
-def declared_fit(problem: SearchProblem, model: ModelStructure, *, lacking: bool) -> ScoredFit:
-    """The declared model, fitted to free runs; only roughly where it lacks something."""
-    return with_late_parameters(problem, fit_declared(problem, FreeParameters(model.table, model.free), lacking))
 
 
 def with_all(problem: SearchProblem, model: ModelStructure, answer: GivenAnswer) -> ScoredFit:
@@ -134,7 +131,7 @@ def with_all(problem: SearchProblem, model: ModelStructure, answer: GivenAnswer)
     """
     effects, settings = answer.effects, problem.settings
     if not effects:
-        return declared_fit(problem, model, lacking=False)
+        return declared_model(problem, model)
     problem.progress(f"fitting free runs with {' + '.join(c.effect for c in effects)}", 0.5)
     free = [*model.free, *model.late, *(p for c in effects for p in c.free)]
     parameters = FreeParameters(absent_on(answer.table, effects, answer.table), free)

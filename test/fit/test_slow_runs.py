@@ -10,8 +10,9 @@ from benchmarks.discovery import hidden_tables as hidden
 from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.fit.likelihood import Levels
 from shake_ros.fit.model import FreeModel, start_of
-from shake_ros.fit.prediction import Predictor, SlowRuns
+from shake_ros.fit.prediction import Predictor
 from shake_ros.fit.segment import Segment
+from shake_ros.fit.slow_runs import SlowRuns
 from shake_ros.fit.solver import Budget, fit
 from shake_ros.search.candidates import listed
 
