@@ -18,10 +18,12 @@ from the noise. So these two gains grow with the moved mass.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import minimize
 
 from shake_ros.fit.likelihood import Levels
 from shake_ros.fit.model import SENSOR_FILTER, TABLE, FreeModel
@@ -197,8 +199,9 @@ def conditional(covariance: np.ndarray, count: int) -> np.ndarray:
 
 
 FEW = 3  # windows, from the loudest to the calmest, that show the levels of noise and where the parameters about lie
-LEVELS = ("force", "acceleration", "position", "memory")
-MEMORIES = (0.1, 0.03, 0.01)  # of the random force that are tried [s]
+LEVELS = ("force", "acceleration", "memory", "position")
+MOVED = math.log(2.0)  # by which the search for levels begins to move their logarithms, and …
+ENDED = {"fatol": 0.5, "xatol": 0.05}  # … within which it ends: of the log likelihood, and of theirs
 HELD = {"null_drift": 1e-6, "bias": 1e-6, "bias_drift": 1e-7}  # offsets, which are followed instead
 STEPS, CONVERGED = 4, 1.0  # linearisations of the few and of all at most; foreseen gain at which they end [nats]
 
@@ -232,40 +235,34 @@ def fitted_to(
     return model, levels, found
 
 
-@dataclass(frozen=True)
-class _Steady(Segment):
-    """A segment whose random force is not in proportion to its own motion, but to that of others [m/s²]."""
-
-    usual: float = 1.0
-
-    @property
-    def loudness(self) -> float:  # type: ignore[override]
-        """Root mean square of the acceleration of the others [m/s²]."""
-        return self.usual
-
-
 def noise_levels(few: Sequence[Segment], model: FreeModel, begin: Levels) -> Levels:
     """The levels of noise of a model; its random force is the same in all motions, or in proportion to them."""
     vector, usual = model.vectors(model.x)[0], float(np.median([s.loudness for s in few]))
-    steady = [_Steady(**{f.name: getattr(s, f.name) for f in fields(s)}, usual=usual) for s in few]
-    begin = replace(begin, force=max(begin.force, begin.least_force / usual), least_force=0.0)
-    begin = _likeliest_memory(few[len(few) // 2], vector, begin)
-    own = Predictor(few, begin).tuned(vector, LEVELS)
-    same = Predictor(steady, own.levels).tuned(vector, LEVELS)
-    least = same.levels.force * usual
-    if np.sum(same.log_likelihood()) > np.sum(own.log_likelihood()):
-        return replace(same.levels, force=LIMITS["force"][0], least_force=least)
-    return replace(own.levels, least_force=own.levels.force * usual)
+    middle = few[len(few) // 2]
+    found = _likeliest(middle, vector, begin)
+    same = replace(found, force=LIMITS["force"][0], least_force=found.force * middle.loudness)
+    own, steady = (float(np.sum(Predictor(few, n).filtered(vector).log_likelihood())) for n in (found, same))
+    return same if steady > own else replace(found, least_force=found.force * usual)
 
 
-def _likeliest_memory(segment: Segment, vector: np.ndarray, begin: Levels) -> Levels:
-    """The likeliest of levels with a force of long or short memory.
+def _likeliest(segment: Segment, vector: np.ndarray, begin: Levels) -> Levels:
+    """Levels of the largest likelihood of a segment (simplex search: Nelder and Mead 1965).
 
-    What a recording shows above its motion is noise of the sensor or a force of short memory. The likelihood has a
-    maximum for each, and the parameters are biased at the wrong one.
+    A longer memory, a larger force and a better sensor explain nearly the same, and the filter's path moves with them.
     """
-    kinds = [Predictor([segment], replace(begin, memory=m)).tuned(vector, ("force", "acceleration")) for m in MEMORIES]
-    return max(kinds, key=lambda k: float(np.sum(k.log_likelihood()))).levels
+
+    def at(logs: np.ndarray) -> Levels:
+        return replace(begin, **dict(zip(LEVELS, np.exp(logs).tolist(), strict=True)))
+
+    def unlikely(logs: np.ndarray) -> float:
+        return -float(np.sum(Predictor([segment], at(logs)).filtered(vector).log_likelihood()))
+
+    box = np.log([LIMITS[name] for name in LEVELS])
+    first = np.clip(np.log([getattr(begin, name) for name in LEVELS]), *box.T)
+    inward = np.where(first + MOVED > box[:, 1], -MOVED, MOVED)
+    simplex = np.vstack([first, first + np.diag(inward)])
+    found = minimize(unlikely, first, method="Nelder-Mead", bounds=box, options={"initial_simplex": simplex, **ENDED})
+    return at(found.x)
 
 
 def with_filter(segment: Segment, model: FreeModel, levels: Levels) -> FreeModel:
