@@ -199,9 +199,10 @@ def conditional(covariance: np.ndarray, count: int) -> np.ndarray:
 
 
 FEW = 3  # windows, from the loudest to the calmest, that show the levels of noise and where the parameters about lie
+BEGUN = (0.05, 0.005)  # random force beside which they are led there: room for errors, or for commands that carry noise
 LEVELS = ("force", "acceleration", "memory", "position")
 MOVED = math.log(2.0)  # by which the search for levels begins to move their logarithms, and …
-ENDED = {"fatol": 0.5, "xatol": 0.05}  # … within which it ends: of the log likelihood, and of theirs
+ENDED = {"fatol": 1.0, "xatol": 0.1}  # … within which it ends: of the log likelihood, and of theirs
 HELD = {"null_drift": 1e-6, "bias": 1e-6, "bias_drift": 1e-7}  # offsets, which are followed instead
 STEPS, CONVERGED = 4, 1.0  # linearisations of the few and of all at most; foreseen gain at which they end [nats]
 
@@ -211,20 +212,18 @@ def fitted_to(
 ) -> tuple[FreeModel, Levels, list[WindowEvidence]]:
     """A model fitted to the windows of a reference, with the levels of noise and the evidence of each window.
 
-    The levels are sought where a few windows have led the model, under levels that leave room for its errors.
+    The levels are sought where a few windows have led the model: beside a random force that leaves room for its errors,
+    and beside a small one, since a controller may feed the accelerometer's noise back into the commands, and a
+    predictor that takes this noise for a force is then biased. The likelier of both is kept.
 
     Parameters
     ----------
     file : covariance of the parameters before, shape (p, p). loudness : as in `evidence`.
     """
-    order = sorted(records, key=lambda r: Segment.of(r).loudness)
-    few = [order[i] for i in np.linspace(0, len(order) - 1, min(FEW, len(order))).astype(int)]
-    segments, levels = [segment_of(r) for r in few], Levels(force=0.05, memory=0.01, acceleration=0.5 / QUIET, **HELD)
     first, precision = KnownState(model.x, file), np.linalg.inv(file)
-    found = list[WindowEvidence]()
-    for windows in (few, records):
-        levels = noise_levels(segments, model, levels) if found else levels
-        model = with_filter(segments[len(segments) // 2], model, levels)
+
+    def led(model: FreeModel, windows: Sequence[Record], levels: Levels) -> tuple[FreeModel, list[WindowEvidence]]:
+        found, model = list[WindowEvidence](), with_filter(segments[len(segments) // 2], model, levels)
         for _ in range(STEPS):
             found = [evidence(model, r, levels, precision, loudness) for r in windows]
             known = pooled(first, found, 1.0)
@@ -232,20 +231,37 @@ def fitted_to(
             model = model.at(known.mean)
             if 0.5 * float(moved @ np.linalg.solve(known.covariance, moved)) < CONVERGED:
                 break
+        return model, found
+
+    order = sorted(records, key=lambda r: Segment.of(r).loudness)
+    few = [order[i] for i in np.linspace(0, len(order) - 1, min(FEW, len(order))).astype(int)]
+    segments = [segment_of(r) for r in few]
+    tuned = list[tuple[float, FreeModel, Levels]]()
+    for force in BEGUN:
+        begin = Levels(force=force, memory=0.01, acceleration=0.5 / QUIET, **HELD)
+        moved, _ = led(model, few, begin)
+        levels = noise_levels(segments, moved, begin)
+        tuned.append((likelihood_of(segments, moved, levels), moved, levels))
+    _, model, levels = max(tuned, key=lambda t: t[0])
+    model, found = led(model, records, levels)
     return model, levels, found
+
+
+def likelihood_of(segments: Sequence[Segment], model: FreeModel, levels: Levels) -> float:
+    """Log likelihood of a model over segments [nats]."""
+    return float(np.sum(Predictor(segments, levels).filtered(model.vectors(model.x)[0]).log_likelihood()))
 
 
 def noise_levels(few: Sequence[Segment], model: FreeModel, begin: Levels) -> Levels:
     """The levels of noise of a model; its random force is the same in all motions, or in proportion to them."""
-    vector, usual = model.vectors(model.x)[0], float(np.median([s.loudness for s in few]))
-    middle = few[len(few) // 2]
-    found = _likeliest(middle, vector, begin)
+    middle, usual = few[len(few) // 2], float(np.median([s.loudness for s in few]))
+    found = _likeliest(middle, model, begin)
     same = replace(found, force=LIMITS["force"][0], least_force=found.force * middle.loudness)
-    own, steady = (float(np.sum(Predictor(few, n).filtered(vector).log_likelihood())) for n in (found, same))
+    own, steady = (likelihood_of(few, model, levels) for levels in (found, same))
     return same if steady > own else replace(found, least_force=found.force * usual)
 
 
-def _likeliest(segment: Segment, vector: np.ndarray, begin: Levels) -> Levels:
+def _likeliest(segment: Segment, model: FreeModel, begin: Levels) -> Levels:
     """Levels of the largest likelihood of a segment (simplex search: Nelder and Mead 1965).
 
     A longer memory, a larger force and a better sensor explain nearly the same, and the filter's path moves with them.
@@ -255,7 +271,7 @@ def _likeliest(segment: Segment, vector: np.ndarray, begin: Levels) -> Levels:
         return replace(begin, **dict(zip(LEVELS, np.exp(logs).tolist(), strict=True)))
 
     def unlikely(logs: np.ndarray) -> float:
-        return -float(np.sum(Predictor([segment], at(logs)).filtered(vector).log_likelihood()))
+        return -likelihood_of([segment], model, at(logs))
 
     box = np.log([LIMITS[name] for name in LEVELS])
     first = np.clip(np.log([getattr(begin, name) for name in LEVELS]), *box.T)

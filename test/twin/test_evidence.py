@@ -1,4 +1,4 @@
-"""What a window says of the scale of all forces, which no motion shows."""
+"""What windows say of the parameters, of the noise, and of the scale of all forces, which no motion shows."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+import shake_ros as sr
 from benchmarks.discovery import hidden_tables as hidden
+from benchmarks.twin import release
 from shake_ros.fit.likelihood import Levels
 from shake_ros.fit.model import FreeModel, start_of
 from shake_ros.fit.prediction import Predictor
@@ -30,6 +32,7 @@ from shake_ros.twin.evidence import (
 )
 from shake_ros.twin.followed import followed, load_twin
 from shake_ros.twin.naming import KnownModel
+from shake_ros.twin.twin import Twin
 
 TRUTH = hidden.declared_truth(71)
 TABLE = load_table("bergamo").with_values({name: getattr(TRUTH, field) for name, field in hidden.DECLARED.items()})
@@ -84,6 +87,24 @@ def test_the_short_memory_of_a_random_force_is_found_beside_the_noise_of_the_sen
     assert 0.4 < found.memory * shaken.rumble_rate < 2.5
     own = QUIET * found.acceleration * Segment.of(record).noise[1]
     assert own == pytest.approx(hidden.ACCELERATION_NOISE, rel=0.6)
+
+
+def test_a_controller_that_feeds_noise_back_does_not_bias_the_reference() -> None:
+    names, table = next(iter(release.LOOPS.values())), load_table("bergamo")
+    twin = Twin(table, load_twin(), release.DT)
+    for k in range(release.SOUND):
+        observer, controller = release.loop(names, table, table)
+        run = sr.simulate(
+            table, release.motion(k), release.DT, controller=controller, observer=observer, seed=k
+        ).recording
+        stamps = np.rint((1.0 + 20.0 * k + run.time) * 1e9).astype(np.int64)
+        assert run.acceleration is not None
+        twin.begin(str(k))
+        windows = [*twin.add(stamps, run.valve_command, run.position, run.acceleration)]
+    assert twin.error < 0.05
+    low, high = windows[-1].ends
+    file = np.array([twin.file_value(name) for name in twin.names])
+    assert np.mean((low < file) & (file < high)) > 0.85
 
 
 def test_a_jacobian_shows_nothing_of_the_scale_of_forces() -> None:
