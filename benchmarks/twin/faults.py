@@ -269,7 +269,10 @@ def number(recording: str) -> int:
 
 
 def judged(found: Following, fault: Fault, first: int) -> dict[str, Any]:
-    """What was noticed since the motion with a number, and how it was named: the first change that counts."""
+    """What was noticed since the motion with a number, and how it was named: the first change that counts.
+
+    Whether it or a later one names the fault comes beside: one that grows may only then be explained.
+    """
     early = [c for c in found.changes if number(c.recording) < first]
     late = [c for c in found.changes if number(c.recording) >= first]
     answer = answer_of(late[0], fault) if late else "missed"
@@ -281,6 +284,7 @@ def judged(found: Following, fault: Fault, first: int) -> dict[str, Any]:
         "right": answer == "right",
         "among": answer == "among",
         "wrong": answer == "wrong",
+        "at_last": any(answer_of(c, fault) in ("right", "among") for c in late),
         "named": named_of(late[0]) if late else "–",
         "all": [named_of(c) for c in found.changes],
         "early": bool(early),
