@@ -220,6 +220,9 @@ def fitted_to(
     ----------
     file : covariance of the parameters before, shape (p, p). loudness : as in `evidence`.
     """
+    order = sorted(records, key=lambda r: Segment.of(r).loudness)
+    few = [order[i] for i in np.linspace(0, len(order) - 1, min(FEW, len(order))).astype(int)]
+    segments = [segment_of(r) for r in few]
     first, precision = KnownState(model.x, file), np.linalg.inv(file)
 
     def led(model: FreeModel, windows: Sequence[Record], levels: Levels) -> tuple[FreeModel, list[WindowEvidence]]:
@@ -233,9 +236,6 @@ def fitted_to(
                 break
         return model, found
 
-    order = sorted(records, key=lambda r: Segment.of(r).loudness)
-    few = [order[i] for i in np.linspace(0, len(order) - 1, min(FEW, len(order))).astype(int)]
-    segments = [segment_of(r) for r in few]
     tuned = list[tuple[float, FreeModel, Levels]]()
     for force in BEGUN:
         begin = Levels(force=force, memory=0.01, acceleration=0.5 / QUIET, **HELD)
@@ -288,8 +288,7 @@ def with_filter(segment: Segment, model: FreeModel, levels: Levels) -> FreeModel
     i, dt = model.names.index(SENSOR_FILTER.name), segment.dt
     tried = [0.0, *(FILTER_DELAY * dt / c for c in CUTOFFS), *([model.value(SENSOR_FILTER.name)] if model.x[i] else [])]
     models = [model.at(np.where(np.arange(len(model.x)) == i, lag / model.scale[i], model.x)) for lag in tried]
-    likelihood = [np.sum(Predictor([segment], levels).filtered(m.vectors(m.x)[0]).log_likelihood()) for m in models]
-    return models[int(np.argmax(likelihood))]
+    return max(models, key=lambda m: likelihood_of([segment], m, levels))
 
 
 def held(model: FreeModel, p: int) -> FreeModel:
