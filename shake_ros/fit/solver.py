@@ -82,17 +82,23 @@ def jacobian(prediction: Likelihood, model: FreeModel, x: np.ndarray) -> tuple[n
     return rows[0], (rows[1:] - rows[0]).T / step
 
 
+def least_within(
+    normal: np.ndarray, gradient: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The Gauss–Newton step between bounds, low ≤ 0 ≤ high, and which of its parts end at one, both of shape (p,)."""
+    scale = np.sqrt(np.maximum(np.diag(normal), 1e-12))
+    upper = np.linalg.cholesky(normal / np.outer(scale, scale) + 1e-9 * np.eye(len(scale))).T
+    target = np.linalg.solve(upper.T, -gradient / scale)
+    margin = 1e-9 * np.maximum(1.0, np.minimum(np.abs(low), np.abs(high)))
+    found = lsq_linear(upper, target, ((low - margin) * scale, (high + margin) * scale), method="bvls")
+    return np.clip(found.x / scale, low, high), found.active_mask != 0
+
+
 def step_within(normal: np.ndarray, gradient: np.ndarray, x: np.ndarray, model: FreeModel, reach: float) -> np.ndarray:
     """The Gauss–Newton step within the bounds and within a reach of x, shape (p,)."""
-    scale = np.sqrt(np.maximum(np.diag(normal), 1e-12))
-    upper = np.linalg.cholesky(normal / np.outer(scale, scale) + 1e-9 * np.eye(len(x))).T
-    target = np.linalg.solve(upper.T, -gradient / scale)
     most = reach * np.maximum(1.0, PART * np.abs(x))
-    margin = 1e-9 * np.maximum(1.0, np.abs(x))
-    low = np.maximum(model.bounds[0] - x, -most) - margin
-    high = np.minimum(model.bounds[1] - x, most) + margin
-    found = lsq_linear(upper, target, (low * scale, high * scale))
-    return np.asarray(np.clip(x + found.x / scale, *model.bounds) - x)
+    low, high = model.bounds
+    return least_within(normal, gradient, np.maximum(low - x, -most), np.minimum(high - x, most))[0]
 
 
 def descend(

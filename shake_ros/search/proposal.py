@@ -21,7 +21,7 @@ import numpy as np
 
 from shake_ros.fit.likelihood import LOST, Likelihood
 from shake_ros.fit.model import FreeModel, TriedEffect
-from shake_ros.fit.solver import PART, PredictorFit, differences, jacobian, prior_residuals
+from shake_ros.fit.solver import PART, PredictorFit, differences, jacobian, least_within, prior_residuals
 
 LARGEST, SLIGHT = 4.0, 0.01  # multiple of a trial up to which its linear prediction is followed, and a slight one
 SCREENED = 9.0  # length of the segments that are linearised [s]
@@ -50,6 +50,12 @@ class EffectTrial:
         scaled = self.candidate.scaled
         small = tuple({n: SLIGHT * v if n in scaled else v for n, v in d.items()} for d in self.directions)
         return EffectTrial(self.candidate, small, self.most * reach / SLIGHT)
+
+    @property
+    def least(self) -> float:
+        """Least multiple: at which a strength of one sign is at its bound; of several directions any."""
+        strength, (first, *more) = self.candidate.strength, self.directions
+        return -self.most if self.candidate.signed or more else strength.low / first[strength.name]
 
     @property
     def with_declared_friction(self) -> bool:
@@ -148,9 +154,11 @@ def linearised(
     prior = np.hstack([model.prior[0], np.zeros((len(model.prior[0]), 1))])
     normal = normal_matrix(j.T @ j, prior)
     gradient = j.T @ r + prior.T @ prior_residuals(model, model.x)
-    across = j.T @ d
-    response = -np.linalg.solve(normal, across)
-    own = -np.linalg.solve(normal, gradient)
+    low, high = (np.append(bound - model.x, most) for bound, most in zip(model.bounds, (-np.inf, np.inf), strict=True))
+    own, held = least_within(normal, gradient, low, high)
+    across, free = j.T @ d, ~held
+    response = np.zeros_like(across)  # of a parameter at a bound none: what only it could take is left to the trials
+    response[free] = -np.linalg.solve(normal[np.ix_(free, free)], across[free])
     whole = sum(prediction.count for prediction in data) / sum(prediction.count for prediction in few)
     power, score = d.T @ d + across.T @ response, -(d.T @ r + across.T @ own)
     left = float(np.mean(r**2))
@@ -220,14 +228,10 @@ def evaluate(lin: Linearised, members: Sequence[int]) -> tuple[float, np.ndarray
     power, score = lin.power[np.ix_(index, index)], lin.score[index]
     scale = np.sqrt(np.maximum(np.diag(power), 1e-30))
     s = np.linalg.solve(power / np.outer(scale, scale) + RIDGE * np.eye(len(index)), score / scale) / scale
-    place = 0
-    for m in members:
-        width = len(lin.places[m])
-        if width == 1 and s[place] <= 0.0 and not lin.trials[m].candidate.signed:
-            return -1.0, s
-        place += width
-    most = np.concatenate([np.full(len(lin.places[m]), lin.trials[m].most) for m in members])
-    s = np.clip(s, -most, most)
+    limits = np.array([[lin.trials[m].least, lin.trials[m].most] for m in members for _ in lin.places[m]])
+    if np.any((s <= 0.0) & (limits[:, 0] >= 0.0)):
+        return -1.0, s
+    s = np.clip(s, *limits.T)
     return float(s @ score - 0.5 * s @ power @ s), s
 
 

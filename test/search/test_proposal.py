@@ -85,3 +85,33 @@ def test_effect_of_friction_gains_nothing_by_what_the_declared_friction_explains
 
     assert sum(p.gain for p in proposed(0.0)) < 1.0
     assert proposed(1.0)[0].gain == pytest.approx(0.5 * float(by_drag @ by_drag), rel=0.05)
+
+
+def test_effect_beyond_the_bound_of_a_parameter_is_proposed() -> None:
+    """A dead band is an underlap below nothing: where the fit has made that nothing, only the effect is left."""
+    underlap = FreeParameter("valve.underlap", 0.01, 0.0, 0.1, "-")
+    band = FreeParameter("effects.spool_deadband.width", 0.01, 0.0, 0.2, "-")
+    effect = TriedEffect("spool_deadband", (band,), (({band.name: 0.01},),), "valve", scaled=(band.name,))
+    table, (shows, noise) = load_table("bergamo"), RNG.standard_normal((2, 400))
+
+    def proposed(fitted: float) -> list[Any]:
+        def residuals(vectors: np.ndarray) -> np.ndarray:
+            width = vectors[:, INDEX[band.name]] - vectors[:, INDEX[underlap.name]] + fitted
+            return 0.1 * noise + (width[:, None] / 0.01 - 1.0) * shows
+
+        data = SimpleNamespace(residuals=residuals, difference=1e-4, count=400, run_sizes=lambda: [400])
+        data.part = lambda seconds: data
+        model = start_of(table, (underlap,)).at(np.array([fitted / underlap.scale]))
+        return proposals(linearised(SimpleNamespace(model=model, prediction=data), [effect]), 1)[1]
+
+    assert sum(p.gain for p in proposed(0.03)) < 1.0
+    assert proposed(0.0)[0].gain == pytest.approx(0.5 * float(shows @ shows), rel=0.05)
+
+
+def test_effect_is_not_proposed_below_its_least_strength() -> None:
+    d = directions("lag")
+    r = -0.5 * d["lag"]
+    assert proposals(linear(r, d))[1][0].parts[0][0] == pytest.approx(0.5, abs=0.01)
+    shortest = proposals(linear(r, d, low=0.9))[1][0]
+    assert shortest.parts[0][0] == pytest.approx(0.9)
+    assert shortest.gain == pytest.approx((0.5 * 0.9 - 0.5 * 0.9**2) * float(d["lag"] @ d["lag"]), rel=0.01)
