@@ -269,12 +269,15 @@ class Twin:
 
     def _grow(self, nanoseconds: int) -> None:
         if self._normal is not None:
-            self._known = self._wandered(self._known, max(nanoseconds, 0) * 1e-9)
+            self._known = self._wandered(self._known, nanoseconds * 1e-9)
 
     def _wandered(self, known: KnownState, seconds: float) -> KnownState:
-        """What is known after some seconds in which values may have wandered, at most as far as those of a file."""
+        """What is known after some seconds in which values may have wandered, at most as far as those of a file.
+
+        A recorder whose clock begins anew tells no time between.
+        """
         most = np.maximum(self.followed.file**2 - np.diag(known.covariance), 0.0)
-        gained = np.minimum(self._walk**2 * seconds / HOUR, most)
+        gained = np.minimum(self._walk**2 * max(seconds, 0.0) / HOUR, most)
         return KnownState(known.mean, known.covariance + np.diag(gained))
 
     def _reported(

@@ -15,7 +15,7 @@ from shake_ros.quantities import ShakeError
 from shake_ros.settings import load_table
 from shake_ros.twin.follow import Following, follow
 from shake_ros.twin.followed import TwinSettings, load_twin
-from shake_ros.twin.twin import NAMING, Twin
+from shake_ros.twin.twin import NAMING, Twin, TwinWindow
 
 DEPTH = 0.3  # of the soft zone
 SOFTER = 0.75  # bulk modulus of the oil over what it was
@@ -109,11 +109,26 @@ def test_the_table_is_left_with_what_changed(followed: Following, tmp_path: Path
     assert "soft_zone: depth" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
 
 
-def samples(seconds: float) -> tuple[np.ndarray, ...]:
-    (run,) = recording("run", TRUTH, seconds, 3)
+def samples(seconds: float, truth: hidden.Truth = TRUTH, seed: int = 3, begin: float = 1.0) -> tuple[np.ndarray, ...]:
+    (run,) = recording("run", truth, seconds, seed)
     assert run.acceleration is not None
-    stamps = np.rint((1.0 + run.time) * 1e9).astype(np.int64)
+    stamps = np.rint((begin + run.time) * 1e9).astype(np.int64)
     return stamps, run.valve_command.copy(), run.position.copy(), run.acceleration.copy()
+
+
+def test_a_change_is_named_though_the_clock_of_the_recorder_begins_anew_behind_it() -> None:
+    softer, twin = TRUTH._replace(modulus=SOFTER * TRUTH.modulus), Twin(TABLE, quick(), 1e-3)
+    runs = {
+        "before": samples(12.5, begin=1e6),
+        "onset": samples(2.6, softer, 4, 1e6 + 13.0),
+        "after": samples(6.5, softer),
+    }
+    windows = list[TwinWindow]()
+    for name, columns in runs.items():
+        twin.begin(name)
+        windows += twin.add(*columns)
+    (change,) = (w.change for w in windows if w.change)
+    assert (change.recording, change.named.best.name) == ("onset", "bulk_modulus.modulus")
 
 
 def test_windows_do_not_depend_on_how_samples_arrive() -> None:
