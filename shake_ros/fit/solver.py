@@ -82,23 +82,23 @@ def jacobian(prediction: Likelihood, model: FreeModel, x: np.ndarray) -> tuple[n
     return rows[0], (rows[1:] - rows[0]).T / step
 
 
-def least_within(
-    normal: np.ndarray, gradient: np.ndarray, low: np.ndarray, high: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """The Gauss–Newton step between bounds, low ≤ 0 ≤ high, and which of its parts end at one, both of shape (p,)."""
+def step_within(
+    normal: np.ndarray,
+    gradient: np.ndarray,
+    x: np.ndarray,
+    bounds: tuple[np.ndarray, np.ndarray],
+    reach: float = math.inf,
+) -> np.ndarray:
+    """The Gauss–Newton step within bounds, two of shape (p,), and within a reach of x, shape (p,)."""
     scale = np.sqrt(np.maximum(np.diag(normal), 1e-12))
-    upper = np.linalg.cholesky(normal / np.outer(scale, scale) + 1e-9 * np.eye(len(scale))).T
+    upper = np.linalg.cholesky(normal / np.outer(scale, scale) + 1e-9 * np.eye(len(x))).T
     target = np.linalg.solve(upper.T, -gradient / scale)
-    margin = 1e-9 * np.maximum(1.0, np.minimum(np.abs(low), np.abs(high)))
-    found = lsq_linear(upper, target, ((low - margin) * scale, (high + margin) * scale), method="bvls")
-    return np.clip(found.x / scale, low, high), found.active_mask != 0
-
-
-def step_within(normal: np.ndarray, gradient: np.ndarray, x: np.ndarray, model: FreeModel, reach: float) -> np.ndarray:
-    """The Gauss–Newton step within the bounds and within a reach of x, shape (p,)."""
     most = reach * np.maximum(1.0, PART * np.abs(x))
-    low, high = model.bounds
-    return least_within(normal, gradient, np.maximum(low - x, -most), np.minimum(high - x, most))[0]
+    margin = 1e-9 * np.maximum(1.0, np.abs(x))
+    low = np.maximum(bounds[0] - x, -most) - margin
+    high = np.minimum(bounds[1] - x, most) + margin
+    found = lsq_linear(upper, target, (low * scale, high * scale))
+    return np.asarray(np.clip(x + found.x / scale, *bounds) - x)
 
 
 def descend(
@@ -122,7 +122,7 @@ def descend(
     while not budget.over():
         normal, gradient = j.T @ j + rows.T @ rows, j.T @ r + rows.T @ prior
         reaches = (reach, reach / NARROWER)
-        tried = np.array([x + step_within(normal, gradient, x, model, d) for d in reaches])
+        tried = np.array([x + step_within(normal, gradient, x, model.bounds, d) for d in reaches])
         left = prediction.residuals(model.vectors(tried))
         priors = [prior_residuals(model, t) for t in tried]
         costs = 0.5 * np.sum(left**2, axis=1) + 0.5 * np.array([float(p @ p) for p in priors])
