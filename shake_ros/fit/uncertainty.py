@@ -55,8 +55,13 @@ class Estimate:
 
 def at_bound(result: Fit) -> np.ndarray:
     """Which parameters rest on a bound, shape (p,)."""
-    width = 1e-3 * np.minimum(1.0, result.free.high - result.free.low)
-    return np.asarray((result.x - result.free.low < width) | (result.free.high - result.x < width))
+    return resting(result.x, result.free.low, result.free.high)
+
+
+def resting(x: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Which values, in units of their scales, rest on a bound, shape (p,)."""
+    width = 1e-3 * np.minimum(1.0, high - low)
+    return np.asarray((x - low < width) | (high - x < width))
 
 
 def covariance(result: Fit, blocks: np.ndarray) -> np.ndarray:

@@ -22,6 +22,7 @@ import numpy as np
 from shake_ros.fit.likelihood import LOST, Likelihood
 from shake_ros.fit.model import FreeModel, TriedEffect
 from shake_ros.fit.solver import PART, PredictorFit, differences, jacobian, prior_residuals, step_within
+from shake_ros.fit.uncertainty import resting
 
 LARGEST, SLIGHT = 4.0, 0.01  # multiple of a trial up to which its linear prediction is followed, and a slight one
 SCREENED = 9.0  # length of the segments that are linearised [s]
@@ -31,7 +32,6 @@ SHIFT = 3.0  # of a parameter, in scales (or parts of its value), that is follow
 MULTIPLES = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01)  # of the linear prediction from which a refit may start
 FRICTION, OWN = "friction", "friction."  # place of an effect, and how the names of the table's own parameters begin
 RIDGE = 1e-3  # of directions that are alike
-AT_BOUND = 1e-3  # distance from a bound at which a parameter rests on it [scales]
 NONE_MOVED: Mapping[int, TriedEffect] = MappingProxyType({})
 
 
@@ -157,7 +157,7 @@ def linearised(
     gradient = j.T @ r + prior.T @ prior_residuals(model, model.x)
     x, low, high = np.append(model.x, 0.0), np.append(model.bounds[0], -np.inf), np.append(model.bounds[1], np.inf)
     own = step_within(normal, gradient, x, (low, high))
-    across, free = j.T @ d, (x + own > low + AT_BOUND) & (x + own < high - AT_BOUND)
+    across, free = j.T @ d, ~resting(x + own, low, high)
     response = np.zeros_like(across)  # of a parameter at a bound none: what only it could take is left to the trials
     response[free] = -np.linalg.solve(normal[np.ix_(free, free)], across[free])
     whole = sum(prediction.count for prediction in data) / sum(prediction.count for prediction in few)
