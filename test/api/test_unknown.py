@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from hidden_table import OWN, SAMPLE_TIME, Hidden, constants, record
+from hidden_table import ACCELERATION_NOISE, OWN, SAMPLE_TIME, Hidden, constants, record
+from scipy.signal import lfilter
 
 import shake_ros as sr
 from shake_ros.api.identify import Identification
@@ -150,6 +151,15 @@ def test_bias_that_wanders_is_removed_and_reported() -> None:
     assert moved.drifts() == f"drift of the accelerometer's bias removed [m/s²]: it {moved.nuisances[0].drift:.3g}"
     left = moved.estimation[0].acceleration - still.estimation[0].acceleration
     assert np.std(left) < 0.05 * np.std(wander)
+
+
+@pytest.mark.parametrize(("slow", "lag"), [("position", 0.09), ("acceleration", 0.02)])
+def test_lag_of_a_sensor_is_no_wandering_bias(slow: str, lag: float) -> None:
+    made, gain, rng = record(6, 8.0, noisy=False), SAMPLE_TIME / lag, np.random.default_rng(1)
+    signals = {"position": made.position, "acceleration": made.acceleration}
+    signals[slow] = lfilter([gain], [1.0, gain - 1.0], signals[slow])
+    signals["acceleration"] = signals["acceleration"] + ACCELERATION_NOISE * rng.standard_normal(len(made.commands))
+    assert prepared([Record("it", SAMPLE_TIME, made.commands, **signals)], []).drifts() == ""
 
 
 def test_recordings_without_acceleration_have_no_bias_and_no_delay() -> None:

@@ -271,14 +271,21 @@ def null_shift(record: Record) -> float:
 
 
 def wandering(record: Record) -> np.ndarray:
-    """The accelerometer's bias where it wanders, a cubic in time about the bias, shape (n,) [m/s²]; else zero."""
+    """The accelerometer's bias where it wanders, a cubic in time about the bias, shape (n,) [m/s²]; else zero.
+
+    Beside a scale and a lag of either sensor: what these make of the motion has slow parts as well.
+    """
     count, none = len(record.commands), np.zeros(len(record.commands))
     if record.acceleration is None or count * record.sample_time < LONG:
         return none
     basis = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, count), CUBIC)
-    beyond = record.acceleration - np.gradient(record.velocity, record.sample_time)
+    expected = np.gradient(record.velocity, record.sample_time)
+    lagging = [np.gradient(each, record.sample_time) for each in (expected, record.acceleration)]
+    terms = np.column_stack([basis, expected, *lagging, record.acceleration - expected])
+    terms = np.column_stack([slow(term, record.sample_time) for term in terms.T])
     use = record.whole & (np.arange(count) >= record.start) & (np.arange(count) < count - record.start)
-    cubic = basis @ np.linalg.lstsq(basis[use], beyond[use], rcond=None)[0]
+    found = np.linalg.lstsq(terms[use, :-1], terms[use, -1], rcond=None)[0]
+    cubic = basis @ found[: CUBIC + 1]
     cubic -= float(np.mean(cubic))
     return cubic if float(np.std(cubic)) > WANDERS * record.acceleration_noise() else none
 
