@@ -4,7 +4,8 @@
     repeat
         linearise: its parameters, and every absent effect at finite trials
         propose sets of up to three effects by linear best-subset selection
-        refit the best set of each size; keep the one that gains most beyond its price, of those with evidence if any
+        begin to refit the best sets of each size, go on with the better half; keep the one that gains most beyond its
+            price, of those with evidence if any
         take out what it can do without
         where all its gain is on the data of the fit, go one step on from it
     until no set is worth it
@@ -31,12 +32,13 @@ from shake_ros.search.decision import price, tempered
 from shake_ros.search.proposal import EffectSet, Linearised, linearised, proposals, start, weakest
 
 Progress = Callable[[str], None]
-SHORT, LONG = 8, 16  # Jacobians of a fit that is to be compared, and of one that goes on
+ROUNDS = 1, 2, 4  # Jacobians of the fits of many sets, of the better half of them, and of those left
+LONG = 16  # of a fit that goes on
 SETTLED = 3.0  # gain in log likelihood from which a fit goes on [nats]
-MORE = 1.05  # times what fewer effects promise, from which a larger set is refitted: less is mostly curvature
+MORE = 1.05  # times what a part of it gains, from which a set is fitted further
 TIGHT = 0.03  # random force of the other start of the first fit, in parts of the acceleration: a loose one can stay so
 WORSE = 1.5  # times what the best set leaves, from which another one is fitted no further
-CLOSEST = 3  # single effects that are refitted, the most promising ones
+FIELD, CLOSEST = 4, 3  # sets of each size whose fit is begun, and sets that are refitted
 PROMISE, ALIKE = 0.5, 0.8  # part of an effect's gain that a rival has to promise at first order, and to take
 
 
@@ -121,6 +123,20 @@ def price_over(more: Scored, less: Scored) -> float:
     return price(effects, parameters, len(more.fitted.likelihood))
 
 
+@dataclass(frozen=True)
+class Contender:
+    """A set of effects in a model whose fit has begun.
+
+    left : half the sum of squares. gain : in log likelihood, with all that is left counted as noise, beyond what the
+    set has to gain [nats].
+    """
+
+    of: EffectSet
+    model: FreeModel
+    left: float
+    gain: float
+
+
 class SetSearch:
     """The search over one set of data.
 
@@ -142,7 +158,7 @@ class SetSearch:
         self.shown, self.certain = shown, certain
         self._known = dict[Scored, Linearised]()
         self._fits = dict[frozenset[str], Scored]()
-        self._without = dict[tuple[Scored, str], Scored]()
+        self._without = dict[tuple[frozenset[str], str], Scored]()
         self._loose = Levels()
 
     def scored(self, model: FreeModel, steps: int, data: SearchData, *levels: Levels) -> Scored:
@@ -164,9 +180,9 @@ class SetSearch:
     def without(self, found: Scored, effect: TriedEffect) -> Scored:
         """The model without an effect, fitted from where it stands, at its own levels of noise or at loose ones.
 
-        Remembered, since rivals ask as well.
+        Asked once of a set of effects: one that is needed in it stays needed as the set is fitted further.
         """
-        key = found, effect.name
+        key = frozenset(found.model.effect_names), effect.name
         if key not in self._without:
             self.progress(f"is {effect.called} needed?")
             self._without[key] = self.scored(
@@ -175,8 +191,9 @@ class SetSearch:
         return self._without[key]
 
     def reduced(self, found: Scored) -> dict[str, Scored]:
-        """The models without one of its effects that have been fitted from it, by effect."""
-        return {effect: less for (more, effect), less in self._without.items() if more is found}
+        """The models without one of its effects that have been fitted, by effect."""
+        names = frozenset(found.model.effect_names)
+        return {e.name: self._without[k] for e in found.model.effects if (k := (names, e.name)) in self._without}
 
     def _optional(self, found: Scored) -> list[TriedEffect]:
         """Effects that a model may do without."""
@@ -225,7 +242,8 @@ class SetSearch:
             promised = {s.trials[0].candidate.name: s for s in proposals(self._screened(less), 1)[1]}
             least = PROMISE * promised[effect.name].gain if effect.name in promised else math.inf
             others = [s for n, s in promised.items() if s.gain > least and n not in best.model.effect_names][:CLOSEST]
-            tried = self._refitted(less, others)
+            field = self._raced(less, [promised[effect.name], *others]) if others else []
+            tried = self._refitted(less, [c for c in field if c.of is not promised[effect.name]])
             found[effect.name] = [t for t in tried if gain(t, less) > ALIKE * taken]
         return found
 
@@ -238,35 +256,51 @@ class SetSearch:
         """
         better = against or best
         promised = proposals(self._screened(best))
-        least = Likelihood.floor * best.count  # of any kind: free runs promise far less than they gain
-        tried = self._refitted(best, worth_trying(promised, len(best.fitted.likelihood), least))
+        promising = [s for sets in promised.values() for s in worth_trying(sets, best)]
+        tried = self._refitted(best, self._raced(best, promising))
         if not tried:
             return None
         sure = [t for t in tried if evidence(t, better) > 0.0]
         winner = self.settled(max(sure or tried, key=lambda t: gain(t, best) - price_over(t, best)))
+        fitted = _scattered(gains_by_block(winner, best)[: len(best.fitted.likelihood)]) > price_over(winner, best)
+        if not (fitted or evidence(winner, better) > 0.0):
+            return None
         kept = self.settled(self._reduced(winner))
         same = set(kept.model.effect_names) == set(better.model.effect_names)
         if evidence(kept, better) > (SETTLED if same else 0.0):
             return kept
-        fitted = _scattered(gains_by_block(winner, best)[: len(best.fitted.likelihood)])
-        further = against is None and fitted > price_over(winner, best)
-        return self._step(winner, best) if further else None
+        return self._step(winner, best) if fitted and against is None else None
 
-    def _refitted(self, found: Scored, sets: Sequence[EffectSet]) -> list[Scored]:
-        """A model with each of some sets more, but for those that leave far more than another: the first steps stand
-        beside the small random force of the screening, as a likelier one would follow what a set explains.
+    def _raced(self, found: Scored, sets: Sequence[EffectSet]) -> list[Contender]:
+        """A model with each of the few that explain most of some sets more: what sets promise parts with the first
+        steps of their fits, and the better half goes on (successive halving: Jamieson and Talwalkar 2016).
+
+        These stand beside the small random force of the screening, as a likelier one would follow what a set explains.
         """
-        fitted, moved = self._screened(found).fitted, list[FreeModel]()
-        for s in sets:
+        fitted = self._screened(found).fitted
+        prediction, began = fitted.prediction, _half_squares(fitted.prediction, fitted.model)
+
+        def further(c: Contender, steps: int) -> Contender:
+            model = descend(prediction, c.model, steps, SETTLED, self.budget)[0]
+            left = _half_squares(prediction, model)
+            return Contender(c.of, model, left, 0.5 * prediction.count * math.log(began / left) - asked(c.of, found))
+
+        field = [Contender(s, start(fitted, s), began, 0.0) for s in sets if not self.budget.over()]
+        if len(field) > 1:
+            self.progress(f"first steps with each of {len(field)} sets of effects")
+        for steps in ROUNDS:
+            field = best_half([further(c, steps) for c in field if not self.budget.over()])
+        return field
+
+    def _refitted(self, found: Scored, field: Sequence[Contender]) -> list[Scored]:
+        """The contenders for what is added to a model, at their own levels of noise."""
+        levels, fitted = self._screened(found).fitted.prediction.levels, list[Scored]()
+        for c in field:
             if self.budget.over():
                 break
-            self.progress(f"refit with {' + '.join(s.names)}")
-            moved.append(descend(fitted.prediction, start(fitted, s), SHORT, SETTLED, self.budget)[0])
-        if not moved:
-            return []
-        left = [float(np.sum(fitted.prediction.residuals(m.vectors(m.x)) ** 2)) for m in moved]
-        near = [m for m, cost in zip(moved, left, strict=True) if cost < WORSE * min(left)]
-        return [self.scored(m, STEPS, found.data, fitted.prediction.levels) for m in near if not self.budget.over()]
+            self.progress(f"refit with {' + '.join(c.of.names)}")
+            fitted.append(self.scored(c.model, STEPS, found.data, levels))
+        return fitted
 
     def _screened(self, found: Scored) -> Linearised:
         """A model with every effect that it lacks, to first order; remembered, since rivals ask as well."""
@@ -298,30 +332,38 @@ class SetSearch:
         return found
 
 
+def _half_squares(prediction: Likelihood, model: FreeModel) -> float:
+    return 0.5 * float(np.sum(prediction.residuals(model.vectors(model.x)) ** 2))
+
+
 def gain(more: Scored, less: Scored) -> float:
     """Gain in log likelihood on estimation and validation data [nats]."""
     return more.fitted.total - less.fitted.total + float(np.sum(more.validation - less.validation))
 
 
-def worth_trying(found: dict[int, list[EffectSet]], blocks: int, least: float) -> list[EffectSet]:
-    """The best set of each size that promises more than it costs, and rivals of the best single effect.
+def asked(s: EffectSet, found: Scored) -> float:
+    """What a set of effects has to gain on a model [nats]."""
+    parameters = sum(len(t.candidate.free) for t in s.trials)
+    least = Likelihood.floor * found.count  # of any kind: free runs promise far less than they gain
+    return price(len(s.trials), parameters, len(found.fitted.likelihood)) + len(s.trials) * least
 
-    least : gain by which an effect counts [nats].
+
+def worth_trying(sets: Sequence[EffectSet], found: Scored) -> list[EffectSet]:
+    """The sets of one size that promise most, and more than they have to gain."""
+    return [s for s in sets[:FIELD] if s.gain > asked(s, found)]
+
+
+def best_half(field: Sequence[Contender]) -> list[Contender]:
+    """The better half, and a few at least: each with an effect that no better one has; none that leaves far more than
+    another, or gains hardly more than a part of it.
     """
-
-    def net(p: EffectSet) -> float:
-        effects = len(p.trials)
-        return p.gain - price(effects, sum(len(t.candidate.free) for t in p.trials), blocks) - effects * least
-
-    chosen = list[EffectSet]()
-    singles = [p for p in found.get(1, []) if net(p) > 0.0]
-    if singles:
-        chosen += [p for p in singles[:CLOSEST] if net(p) > 0.5 * net(singles[0])]
-    for size in (2, 3):
-        best = max(found.get(size, []), key=net, default=None)
-        if best is not None and chosen and net(best) > MORE * max(net(c) for c in chosen):
-            chosen.append(best)
-    return chosen
+    kept, known, most = list[Contender](), set[str](), WORSE * min((c.left for c in field), default=0.0)
+    for c in sorted((c for c in field if c.left < most), key=lambda c: -c.gain):
+        names = set(c.of.names)
+        if not (names <= known or any(set(o.of.names) < names and c.gain < MORE * o.gain for o in field)):
+            kept.append(c)
+            known |= names
+    return kept[: max(len(field) // 2, CLOSEST)]
 
 
 def names_of(effects: Sequence[TriedEffect]) -> str:

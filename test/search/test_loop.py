@@ -21,7 +21,7 @@ from shake_ros.fit.segment import Segment, pieces
 from shake_ros.fit.solver import Budget
 from shake_ros.search.answer import DECLARED, answer, beginning, null_shifts
 from shake_ros.search.candidates import listed
-from shake_ros.search.loop import LONG, SearchData, SetSearch, evidence
+from shake_ros.search.loop import LONG, Contender, SearchData, SetSearch, best_half, evidence
 from shake_ros.search.proposal import linearised, proposals
 from shake_ros.settings import load_table
 
@@ -138,3 +138,24 @@ def test_a_model_without_an_effect_is_fitted_from_where_the_one_with_it_stands()
     *_, better = search.run(declared.with_effect(slow, {slow.strength.name: slow.strength.scale}), DECLARED)
     assert better.model.effects == ()
     assert better.fitted.total > stuck.fitted.total + 1000.0
+
+
+def contender(names: str, left: float, gain: float) -> Contender:
+    return Contender(SimpleNamespace(names=tuple(names)), SimpleNamespace(), left, gain)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("field", "kept"),
+    [
+        ([("a", 1.0, 9.0), ("b", 1.1, 8.0), ("c", 1.2, 7.0), ("d", 1.3, 6.0)], ["a", "b", "c"]),
+        ([(name, 1.0, 9.0 - i) for i, name in enumerate("abcdefgh")], ["a", "b", "c", "d"]),
+        ([("a", 2.0, 5.0), ("ab", 1.9, 5.1)], ["a"]),
+        ([("a", 2.0, 5.0), ("ab", 1.5, 8.0)], ["ab"]),
+        ([("ab", 1.0, 9.0), ("b", 1.1, 8.0), ("c", 1.2, 1.0)], ["ab", "c"]),
+        ([("a", 1.0, 9.0), ("b", 1.6, 8.0)], ["a"]),
+        ([], []),
+    ],
+    ids=["a few at least", "half", "hardly more than a part", "more than a part", "nothing new", "far worse", "nobody"],
+)
+def test_which_sets_are_fitted_further(field: list[tuple[str, float, float]], kept: list[str]) -> None:
+    assert ["".join(c.of.names) for c in best_half([contender(*c) for c in reversed(field)])] == kept
