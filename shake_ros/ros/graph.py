@@ -246,7 +246,7 @@ class Graph:
         """Return when `leader` has ended, which must be with exit code 0 and before any other."""
         deadline = time.monotonic() + timeout
         while self.processes[leader].poll() is None:
-            self.check()
+            self.check(ended=(leader,))
             if time.monotonic() > deadline:
                 raise GraphError(f"node {leader} has not ended after {timeout:g} s")
             time.sleep(POLL)
