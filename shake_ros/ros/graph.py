@@ -242,13 +242,17 @@ class Graph:
                 probe.look(POLL)
             probe.close()
 
-    def wait(self, timeout: float, leader: str = LEADER) -> None:
-        """Return when `leader` has ended, which must be with exit code 0 and before any other."""
+    def wait(self, timeout: float, leader: str = LEADER, waiting: Callable[[], None] = lambda: None) -> None:
+        """Return when `leader` has ended, which must be with exit code 0 and before any other.
+
+        waiting : called again and again until then.
+        """
         deadline = time.monotonic() + timeout
         while self.processes[leader].poll() is None:
             self.check(ended=(leader,))
             if time.monotonic() > deadline:
                 raise GraphError(f"node {leader} has not ended after {timeout:g} s")
+            waiting()
             time.sleep(POLL)
         self.check(ended=(leader,))
 
@@ -348,7 +352,6 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
-CHECKED_EVERY = 0.1  # [s]
 SLOWEST = 50.0  # steps/s below which a run counts as stuck
 STARTING = 300.0  # time that five processes may take to start, compiling on a slow and busy machine [s]
 
@@ -393,14 +396,7 @@ def record(
     started = time.monotonic()
     usual, limit = 3.0 + duration, STARTING + duration * 1000.0 / SLOWEST
     with Graph(nodes, domain_id=free_domain()) as graph:
-        while graph.processes["plant"].poll() is None:
-            graph.check()
-            elapsed = time.monotonic() - started
-            if elapsed > limit:
-                raise GraphError(f"the run has not ended after {limit:.0f} s")
-            progress(min(elapsed / usual, 0.97))
-            time.sleep(CHECKED_EVERY)
-        graph.check(ended=("plant",))
+        graph.wait(limit, waiting=lambda: progress(min((time.monotonic() - started) / usual, 0.97)))
 
 
 if __name__ == "__main__":

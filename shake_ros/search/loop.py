@@ -240,10 +240,11 @@ class SetSearch:
             self.progress(f"what could stand in the place of {effect.called}?")
             taken = gain(best, less)
             promised = {s.trials[0].candidate.name: s for s in proposals(self._screened(less), 1)[1]}
-            least = PROMISE * promised[effect.name].gain if effect.name in promised else math.inf
-            others = [s for n, s in promised.items() if s.gain > least and n not in best.model.effect_names][:CLOSEST]
-            field = self._raced(less, [promised[effect.name], *others]) if others else []
-            tried = self._refitted(less, [c for c in field if c.of is not promised[effect.name]])
+            own = promised.get(effect.name)
+            others = [s for n, s in promised.items() if n not in best.model.effect_names]
+            near = [s for s in others if own and s.gain > PROMISE * own.gain][:CLOSEST]
+            field = self._raced(less, [own, *near]) if own and near else []
+            tried = self._refitted(less, [c for c in field if c.of is not own])
             found[effect.name] = [t for t in tried if gain(t, less) > ALIKE * taken]
         return found
 
@@ -256,7 +257,7 @@ class SetSearch:
         """
         better = against or best
         promised = proposals(self._screened(best))
-        promising = [s for sets in promised.values() for s in worth_trying(sets, best)]
+        promising = [s for sets in promised.values() for s in sets[:FIELD] if s.gain > asked(s, best)]
         tried = self._refitted(best, self._raced(best, promising))
         if not tried:
             return None
@@ -346,11 +347,6 @@ def asked(s: EffectSet, found: Scored) -> float:
     parameters = sum(len(t.candidate.free) for t in s.trials)
     least = Likelihood.floor * found.count  # of any kind: free runs promise far less than they gain
     return price(len(s.trials), parameters, len(found.fitted.likelihood)) + len(s.trials) * least
-
-
-def worth_trying(sets: Sequence[EffectSet], found: Scored) -> list[EffectSet]:
-    """The sets of one size that promise most, and more than they have to gain."""
-    return [s for s in sets[:FIELD] if s.gain > asked(s, found)]
 
 
 def best_half(field: Sequence[Contender]) -> list[Contender]:

@@ -281,8 +281,8 @@ def wandering(record: Record) -> np.ndarray:
     basis = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, count), CUBIC)
     expected = np.gradient(record.velocity, record.sample_time)
     lagging = [np.gradient(each, record.sample_time) for each in (expected, record.acceleration)]
-    terms = np.column_stack([basis, expected, *lagging, record.acceleration - expected])
-    terms = np.column_stack([slow(term, record.sample_time) for term in terms.T])
+    terms = np.vstack([basis.T, expected, *lagging, record.acceleration - expected])
+    terms = slow(terms, record.sample_time).T
     use = record.whole & (np.arange(count) >= record.start) & (np.arange(count) < count - record.start)
     found = np.linalg.lstsq(terms[use, :-1], terms[use, -1], rcond=None)[0]
     cubic = basis @ found[: CUBIC + 1]
