@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import lsq_linear
@@ -49,12 +49,13 @@ class PredictorFit:
     Attributes
     ----------
     model : with the values found. prediction : under the gains of these values. likelihood : log likelihood by block,
-    shape (b,).
+    shape (b,). settled : whether the last steps gained less than the tolerance.
     """
 
     model: FreeModel
     prediction: Likelihood
     likelihood: np.ndarray
+    settled: bool = False
 
     @property
     def total(self) -> float:
@@ -189,6 +190,6 @@ def fit(
         taken, gained = taken + used, now.total - best.total
         best = now if gained > 0.0 else best
         if gained < tolerance:
-            break
+            return replace(best, settled=not budget.over())
         starts = [best]
     return best

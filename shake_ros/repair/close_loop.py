@@ -25,7 +25,7 @@ from shake_ros.search.answer import answer
 from shake_ros.search.closed_form import LearntFunction, learnt_function
 from shake_ros.search.decision import ForwardStep
 from shake_ros.search.declared_fit import FittedModel, fitted_model, unassessed_model
-from shake_ros.search.problem import ModelStructure, Progress, ScoredFit, SearchProblem, Stopped, linearised, unstopped
+from shake_ros.search.problem import ModelStructure, Progress, ScoredFit, SearchProblem, Stopped, unstopped
 from shake_ros.search.refined_nodes import refined_function
 from shake_ros.search.search_settings import SearchSettings
 from shake_ros.search.second_quantities import function_of_two, with_second_quantity
@@ -143,11 +143,10 @@ def searched(
         known, best = set(best.effects), min(best, more, key=lambda f: f.left)
         if best is not more or set(more.effects) == known:
             break
-    problem = best.problem
     with within_budget(deadline_passed):
-        found = selection_of(problem, model, best.given, best.fit)
-    with failures.step("nuisance parameters"):
-        problem, found = with_nuisances(problem, found)
+        with failures.step("nuisance parameters"):
+            best = with_nuisances(best)
+        problem, found = best.problem, selection_of(best.problem, model, best.given, best.fit)
     with failures.step("search for an unlisted effect"), contextlib.suppress(Stopped):
         found = with_function(replace(problem, progress=progress), found)
     with failures.step("search beside process noise"):
@@ -186,17 +185,13 @@ def judged(
     return found.on(problem.again, problem.again), verdicts, dropped
 
 
-def with_nuisances(problem: SearchProblem, found: Selection) -> tuple[SearchProblem, Selection]:
-    """Problem and models with the nuisance parameters that the final model gives the recordings."""
-    known, others = found.nuisances, problem.validation.records
-    estimates = known.updated(problem.estimation, others, found.final.fit)
-    if estimates is known:
-        return problem, found
+def with_nuisances(best: FittedAnswer) -> FittedAnswer:
+    """An answer with the nuisance parameters that its fit gives the recordings, fitted to these until it settles."""
+    problem, near = best.problem, best.fit.fit
+    estimates = best.given.nuisances.updated(problem.estimation, problem.validation.records, near)
     updated = problem.with_nuisances(estimates)
-    again = recentred(problem, updated, found).on(
-        lambda m: updated.scored(linearised(updated.estimation, m.fit)), updated.converged_again
-    )
-    return updated, replace(again, nuisances=estimates)
+    moved = without_null_shifts(near, problem.estimation.records, updated.estimation.records)
+    return FittedAnswer(replace(best.given, nuisances=estimates), updated, updated.converged_from(moved.free, moved.x))
 
 
 def recentred(problem: SearchProblem, updated: SearchProblem, found: Selection) -> Selection:

@@ -159,7 +159,7 @@ class SetSearch:
         self._known = dict[Scored, Linearised]()
         self._fits = dict[frozenset[str], Scored]()
         self._without = dict[tuple[frozenset[str], str], Scored]()
-        self._loose = Levels()
+        self._begun = Levels()
 
     def scored(self, model: FreeModel, steps: int, data: SearchData, *levels: Levels) -> Scored:
         """A model fitted by so many steps, and scored; the best fit of the same effects so far if that is better.
@@ -178,7 +178,8 @@ class SetSearch:
         return found
 
     def without(self, found: Scored, effect: TriedEffect) -> Scored:
-        """The model without an effect, fitted from where it stands, at its own levels of noise or at loose ones.
+        """The model without an effect, fitted from where it stands, at its own levels of noise or at those of the model
+        before any effect was added, which lacks more.
 
         Asked once of a set of effects: one that is needed in it stays needed as the set is fitted further.
         """
@@ -186,7 +187,7 @@ class SetSearch:
         if key not in self._without:
             self.progress(f"is {effect.called} needed?")
             self._without[key] = self.scored(
-                found.model.without(effect.name), LONG, found.data, found.levels, self._loose
+                found.model.without(effect.name), LONG, found.data, found.levels, self._begun
             )
         return self._without[key]
 
@@ -201,7 +202,7 @@ class SetSearch:
 
     def settled(self, found: Scored) -> Scored:
         """A model fitted until that gains no more."""
-        while not self.budget.over():
+        while not (found.fitted.settled or self.budget.over()):
             longer = self.scored(found.model, LONG, found.data, found.levels)
             if not longer.fitted.total > found.fitted.total + SETTLED:
                 break
@@ -213,9 +214,9 @@ class SetSearch:
 
         loose : levels of noise that leave room for the errors of a model before its fit.
         """
-        self._loose = loose
         self.progress("declared model: fit")
         best = self.scored(model, LONG, self.data, loose, replace(loose, force=TIGHT))
+        self._begun = best.levels
         yield best
         if self.shown:
             self.progress(f"refit with {self.shown.effect.called}, which the recordings show")

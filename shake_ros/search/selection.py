@@ -101,14 +101,14 @@ class GivenAnswer:
     nuisances: NuisanceEstimates = field(default_factory=NuisanceEstimates)
 
 
-def selection_of(problem: SearchProblem, model: ModelStructure, answer: GivenAnswer, near: ScoredFit) -> Selection:
+def selection_of(problem: SearchProblem, model: ModelStructure, answer: GivenAnswer, final: ScoredFit) -> Selection:
     """The declared model and that with all effects, fitted to free runs; those between roughly, each from the next.
 
-    near : the fit with all effects, near its end.
+    final : the fit with all effects.
     """
     if not answer.effects:
-        return Selection(near, (), near, stopped=answer.stopped, nuisances=answer.nuisances)
-    declared, final = declared_model(problem, model, lacking=True), problem.converged_again(near)
+        return Selection(final, (), final, stopped=answer.stopped, nuisances=answer.nuisances)
+    declared = declared_model(problem, model, lacking=True)
     models = [final]
     for candidate in answer.effects[:0:-1]:
         known = answer.without.get(candidate.effect) if models[0] is final else None
