@@ -186,22 +186,17 @@ def judged(
 
 
 def with_nuisances(best: FittedAnswer) -> FittedAnswer:
-    """An answer with the nuisance parameters that its fit gives the recordings, fitted to these until it settles."""
-    problem, near = best.problem, best.fit.fit
-    estimates = best.given.nuisances.updated(problem.estimation, problem.validation.records, near)
+    """An answer with the nuisance parameters that its fit gives the recordings."""
+    problem, known = best.problem, best.given.nuisances
+    estimates = known.updated(problem.estimation, problem.validation.records, best.fit.fit)
     updated = problem.with_nuisances(estimates)
-    moved = without_null_shifts(near, problem.estimation.records, updated.estimation.records)
-    return FittedAnswer(replace(best.given, nuisances=estimates), updated, updated.converged_from(moved.free, moved.x))
+    return FittedAnswer(replace(best.given, nuisances=estimates), updated, recentred(best.fit, problem, updated))
 
 
-def recentred(problem: SearchProblem, updated: SearchProblem, found: Selection) -> Selection:
-    """The same models where null shifts that were their own have gone into the recordings' commands."""
-    before, after = problem.estimation.records, updated.estimation.records
-
-    def moved(m: ScoredFit) -> ScoredFit:
-        return replace(m, fit=without_null_shifts(m.fit, before, after))
-
-    return found.on(moved, moved)
+def recentred(model: ScoredFit, before: SearchProblem, after: SearchProblem) -> ScoredFit:
+    """The same model where null shifts that were its own have gone into the recordings' commands."""
+    own = without_null_shifts(model.fit, before.estimation.records, after.estimation.records)
+    return replace(model, fit=own)
 
 
 def with_function(problem: SearchProblem, found: Selection) -> Selection:
@@ -267,7 +262,11 @@ def centred(problem: SearchProblem, found: Selection) -> tuple[SearchProblem, Se
     shifts = estimated_null_shifts(first.model, found.final.fit, first.records, second.records)
     known = replace(found.nuisances, shifts={**found.nuisances.shifts, **shifts})
     updated = problem.with_nuisances(known)
-    return updated, replace(recentred(problem, updated, found), nuisances=known)
+
+    def moved(m: ScoredFit) -> ScoredFit:
+        return recentred(m, problem, updated)
+
+    return updated, replace(found.on(moved, moved), nuisances=known)
 
 
 def passed_through(problem: SearchProblem, found: Selection, searched: np.ndarray) -> tuple[FittedModel, ...]:

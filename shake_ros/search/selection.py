@@ -101,11 +101,12 @@ class GivenAnswer:
     nuisances: NuisanceEstimates = field(default_factory=NuisanceEstimates)
 
 
-def selection_of(problem: SearchProblem, model: ModelStructure, answer: GivenAnswer, final: ScoredFit) -> Selection:
+def selection_of(problem: SearchProblem, model: ModelStructure, answer: GivenAnswer, near: ScoredFit) -> Selection:
     """The declared model and that with all effects, fitted to free runs; those between roughly, each from the next.
 
-    final : the fit with all effects.
+    near : the fit with all effects, near its end.
     """
+    final = problem.converged_again(near)
     if not answer.effects:
         return Selection(final, (), final, stopped=answer.stopped, nuisances=answer.nuisances)
     declared = declared_model(problem, model, lacking=True)
