@@ -10,8 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.discovery import foreign_tables, hidden_tables
-from shake_ros.api import fitted
-from shake_ros.api.read import recording
+from shake_ros.api.read import recording, recordings
 from shake_ros.fit.records import Record
 from shake_ros.fit.start.backlash import BACKLASH, LONG, SHARE, dwells, share_of_dwells
 from shake_ros.recordings.bags import TableRecording
@@ -29,7 +28,7 @@ def declared(seed: int, effect: str, part: float) -> list[Record]:
         made = hidden_tables.record(table, commands[name], 1.0, np.random.default_rng([seed, 7]))
         times = np.arange(len(commands[name])) * hidden_tables.SAMPLE
         runs += recording(name, times, made["command"], made["position"], acceleration=made["acceleration"])
-    return fitted.recordings(runs).records("valve_command")
+    return recordings(runs).records("valve_command")
 
 
 def foreign(case: foreign_tables.Case) -> list[Record]:
@@ -39,7 +38,7 @@ def foreign(case: foreign_tables.Case) -> list[Record]:
         made = foreign_tables.record(case, name, 16.0)
         made.pop("noise")
         runs += recording(name, **made)
-    return fitted.recordings(runs).records("valve_command")
+    return recordings(runs).records("valve_command")
 
 
 def report(records: list[Record], what: str) -> tuple[bool, bool]:

@@ -15,6 +15,7 @@ from shake_ros.api import fitted
 from shake_ros.api.fitted import Effects, LatentForces, prepared_alike, test_records, with_test
 from shake_ros.api.model import Model
 from shake_ros.api.progress import Ending, Progress, ProgressOption
+from shake_ros.api.read import Data, recordings
 from shake_ros.api.tune_table import UNCERTAINTY, TunedTable, tracking, tune_table
 from shake_ros.control.robust import Uncertainty
 from shake_ros.control.trials import TrackingBenefit
@@ -161,8 +162,8 @@ class Discovery(fitted.FittedResult):
 
     def extended(
         self,
-        estimation: fitted.Data,
-        validation: fitted.Data | None = None,
+        estimation: Data,
+        validation: Data | None = None,
         *,
         minutes: float | None = None,
         progress: ProgressOption = True,
@@ -171,7 +172,7 @@ class Discovery(fitted.FittedResult):
 
         Parameters
         ----------
-        estimation : recordings to fit beside those before.
+        estimation : recordings to fit beside those before, or their paths.
         validation : recordings beside the validation data before; where none is given, the second half of the motion of
             each of the others.
         minutes, progress : as of `close_loop`.
@@ -303,10 +304,10 @@ class Discovery(fitted.FittedResult):
 
 def close_loop(
     model: Model,
-    estimation: fitted.Data,
-    validation: fitted.Data,
+    estimation: Data,
+    validation: Data,
     *,
-    test: fitted.Data | None = None,
+    test: Data | None = None,
     settings: SearchSettings | None = None,
     tune: bool = False,
     minutes: float | None = None,
@@ -317,7 +318,7 @@ def close_loop(
     Parameters
     ----------
     model : from `sr.model`.
-    estimation : recordings to fit.
+    estimation : recordings to fit, or their paths.
     validation : recordings that decide whether an effect is added.
     test : recordings that no decision uses; the result has the errors of every model on them.
     settings : thresholds of the search, where not those of config/discovery/search.yaml.
@@ -356,6 +357,7 @@ def close_loop(
     (10.0, False)
     """
     declared = model.declared
+    estimation, validation, test = (recordings(given) for given in (estimation, validation, test))
     records = fitted.fit_data(estimation, validation, declared.driven_by)
     test_data, stops = test_records(model, test, (estimation, validation))
     with Progress("close_loop", progress) as bar:

@@ -16,7 +16,7 @@ from functools import cached_property
 from typing import Any
 
 from shake_ros.api.model import Model
-from shake_ros.api.read import Recordings
+from shake_ros.api.read import Data, Recordings, recordings
 from shake_ros.explain.latent_force import LatentForce
 from shake_ros.fit.axis_model import AXIS, forecast_errors, with_slow_changes
 from shake_ros.fit.identified import identified
@@ -29,7 +29,6 @@ from shake_ros.fit.start.linear_table import earlier
 from shake_ros.fit.uncertainty import Estimate
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.quantities import ShakeError, unknown_name
-from shake_ros.recordings.bags import TableRecording
 from shake_ros.repair.close_loop import LoopClosure
 from shake_ros.report.page import Result
 from shake_ros.report.report_json import FoundEffect
@@ -108,9 +107,6 @@ class LatentForces(Sequence[LatentForce]):
         return self.frame._repr_html_()
 
 
-Data = TableRecording | Sequence[TableRecording]
-
-
 class FittedResult(Result):
     """What both results share about the fitted model."""
 
@@ -175,13 +171,6 @@ class FittedResult(Result):
     def slow_changes(self) -> ResultTable:
         """Nuisance parameters of each recording of a force-driven axis; empty for other models."""
         return slow_change_table(self.compared, self.records if self.model.kind == "axis" else ())
-
-
-def recordings(data: Data | None) -> Recordings:
-    """One or several recordings, or none, as Recordings."""
-    if isinstance(data, Recordings):
-        return data
-    return Recordings([data] if isinstance(data, TableRecording) else data or ())
 
 
 def fit_data(estimation: Data, validation: Data | None, driven_by: str) -> tuple[list[Record], list[Record]]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from shake_ros.api import fitted
 from shake_ros.api.model import Model
 from shake_ros.api.progress import Progress, ProgressOption
+from shake_ros.api.read import Data
 from shake_ros.declared import model_structure, recordings_to_make, search_settings
 from shake_ros.explain.diagnosis import Diagnosis, diagnose
 from shake_ros.fit.axis_model import InverseDynamics, position_errors
@@ -153,8 +154,8 @@ class Identification(fitted.FittedResult):
 
 def identify(
     model: Model,
-    estimation: fitted.Data,
-    validation: fitted.Data | None = None,
+    estimation: Data,
+    validation: Data | None = None,
     *,
     method: str = "free_run",
     progress: ProgressOption = True,
@@ -164,7 +165,7 @@ def identify(
     Parameters
     ----------
     model : from `sr.model`.
-    estimation : recordings to fit.
+    estimation : recordings to fit, or their paths.
     validation : recordings that the fit does not see.
     method : "free_run" fits the error of the simulation from the command alone; "inverse_dynamics" that of the force,
         for the model axis.

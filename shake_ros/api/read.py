@@ -227,8 +227,12 @@ def recording(
     [0.01, 0.01, 0.01]
     """
     with tempfile.TemporaryDirectory(prefix="shake_ros-recording-") as folder:
-        path = write_table_recording(Path(folder) / "bag", time, command, position, **signals)  # type: ignore[arg-type]
-        return Recordings([replace(read_table_recording(path), name=name)])
+        bag = Path(folder) / "bag"
+        try:
+            write_table_recording(bag, time, command, position, **signals)  # type: ignore[arg-type]
+            return Recordings([replace(read_table_recording(bag), name=name)])
+        except ShakeError as error:
+            raise ShakeError(str(error).replace(str(bag), name)) from None
 
 
 @runtime_checkable
@@ -241,6 +245,31 @@ class Recorded(Protocol):
 
 
 Source: TypeAlias = str | Path | TableRecording | Recordings | Recorded
+Data: TypeAlias = Source | Iterable[Source]
+
+
+def recordings(data: Data | None) -> Recordings:
+    """All recordings of paths, recordings and simulations; none of None.
+
+    Raises
+    ------
+    ShakeError : one cannot be read, is none, or has the name of another.
+    """
+
+    def each(source: Data) -> Iterator[TableRecording]:
+        if isinstance(source, TableRecording):
+            yield source
+        elif isinstance(source, str | Path):
+            yield from read(source)
+        elif isinstance(source, Recorded):
+            yield from source.recordings
+        elif isinstance(source, Iterable):
+            for one in source:
+                yield from each(one)
+        else:
+            raise ShakeError(f"{source!r} is not a recording")
+
+    return data if isinstance(data, Recordings) else Recordings(each(() if data is None else data))
 
 
 def one_recording(source: Source) -> TableRecording:

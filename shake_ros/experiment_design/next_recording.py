@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shake_ros.api.close_loop import Discovery
-from shake_ros.api.fitted import Data
 from shake_ros.api.progress import Progress, ProgressOption
+from shake_ros.api.read import Data
 from shake_ros.control.reference.motion import Envelope, envelope
 from shake_ros.declared import effect_candidates
 from shake_ros.experiment_design.design import ENOUGH, Designer, PredictedExcitation, Separation

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shake_ros.api.fitted import Data, recordings
 from shake_ros.api.progress import Progress, ProgressOption
+from shake_ros.api.read import Data, recordings
 from shake_ros.control.metrics import FREQUENCIES, HIGHEST, LOWEST
 from shake_ros.declared import effect_candidates, free_parameters, model_structure, search_settings
 from shake_ros.fit.records import Record
@@ -202,7 +202,7 @@ def iterate(
     Parameters
     ----------
     wanted : the motion that the table should make: a name of config/reference or a YAML file.
-    runs : recordings of it, oldest first, each from the start of its reference, with imu and reference.
+    runs : recordings of it or their paths, oldest first, each from the start of its reference, with imu and reference.
     settings : how a drive is corrected: a name of config/iteration, a YAML file, or the settings.
     model, refit : where given, the drive stays and this table, with these effects, is fitted to the last run.
 

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from shake_ros.api.fitted import Data, fit_data
+from shake_ros.api.fitted import fit_data
 from shake_ros.api.progress import Progress, ProgressOption
+from shake_ros.api.read import Data
 from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.fit.free_parameters import FreeParameters
 from shake_ros.fit.least_squares import Fit, best_start, fit

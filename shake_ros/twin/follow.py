@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from shake_ros.api.fitted import Data, recordings
 from shake_ros.api.progress import Progress, ProgressOption
+from shake_ros.api.read import Data, recordings
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.quantities import ShakeError
 from shake_ros.recordings.bags import TableRecording
@@ -191,7 +191,7 @@ def follow(
 
     Parameters
     ----------
-    runs : recordings of one table in the order of time, with valve command, position and acceleration.
+    runs : recordings of one table or their paths, in the order of time, with valve command, position and acceleration.
     table : as `close_loop` found it: its table.yaml, a name of config/table, or the table itself.
     settings : a name of config/twin, a YAML file, or the settings.
     progress : show it, or a function to call with what is being done and the part done.

@@ -9,8 +9,7 @@ import pytest
 
 from benchmarks.discovery import hidden_tables as hidden
 from shake_ros import declared
-from shake_ros.api import fitted
-from shake_ros.api.read import recording
+from shake_ros.api.read import recording, recordings
 from shake_ros.explain.diagnosis import diagnose
 from shake_ros.fit.free_parameters import FreeParameters
 from shake_ros.fit.least_squares import fit
@@ -31,7 +30,7 @@ def records(effect: str, part: float, seed: int) -> list[Record]:
     made = hidden.record(table, command, 1.0, np.random.default_rng([seed, 7]))
     times = np.arange(len(command)) * hidden.SAMPLE
     run = recording("run", times, made["command"], made["position"], acceleration=made["acceleration"])
-    return fitted.recordings([run[0]]).records("valve_command")
+    return recordings(run[0]).records("valve_command")
 
 
 @pytest.mark.parametrize(
