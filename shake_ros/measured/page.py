@@ -12,7 +12,7 @@ from shake_ros.measured.models import HarmonicComparison, MeasuredModel
 from shake_ros.report.chart import Array, Chart, ChartSeries, Panel
 from shake_ros.report.page import Page
 from shake_ros.report.result_table import ResultTable, fixed
-from shake_ros.report.text import bound_text, estimate_text, sentence, unit_of
+from shake_ros.report.text import estimate_text, resting_text, sentence, unit_of
 
 COLOURS = ("c5", "c3", "before")  # of the printed models, the last one counts
 
@@ -174,10 +174,10 @@ def _parameters(page: Page, model: MeasuredModel) -> None:
     for i, (f, value, resting) in enumerate(
         zip(fit.free.free, (fit.x * fit.free.scale).tolist(), at_bound(fit), strict=True)
     ):
-        text = estimate_text(Estimate(f.name, value, None, f.unit))
+        estimate = Estimate(f.name, value, None, f.unit)
+        text = resting_text(estimate, f.low, f.high) if resting else estimate_text(estimate)
         if resting:
             warn.append(i)
-            text += f",\n{bound_text(value, f.low, f.high)}"
         meaning = str(model.table.fields[f.name].metadata["meaning"])
         rows.append([f.name.removeprefix("effects."), text, unit_of(f.unit)[1], meaning])
     page.table(("parameter", model.name, "unit", "meaning"), rows, warn=warn)

@@ -23,10 +23,10 @@ from shake_ros.report.chart import Chart, ChartSeries, Panel
 from shake_ros.report.page import Page, Source
 from shake_ros.report.result_table import percent
 from shake_ros.report.text import (
-    bound_text,
     error_table,
     estimate_text,
     nuisance_table,
+    resting_text,
     sentence,
     slow_change_table,
     unit_of,
@@ -134,13 +134,12 @@ def parameters_side_by_side(page: Page, models: Mapping[str, FittedModel]) -> No
 def _parameter(p: Estimate | None, limits: tuple[float, float] | None) -> str:
     if p is None:
         return "–"
-    text = estimate_text(p)
     if p.std_error is not None or limits is None:
-        return text
+        return estimate_text(p)
     low, high = limits
-    if abs(p.value - low) > 1e-3 * (high - low) and abs(high - p.value) > 1e-3 * (high - low):
-        return f"{text},\ndoes not act"
-    return f"{text},\n{bound_text(p.value, low, high)}"
+    if min(abs(p.value - low), abs(high - p.value)) > 1e-3 * (high - low):
+        return f"{estimate_text(p)},\ndoes not act"
+    return resting_text(p, low, high)
 
 
 def identified_section(page: Page, identified: Sequence[Estimate], data: Prepared | None) -> None:

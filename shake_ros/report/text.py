@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from shake_ros.explain.latent_force import LatentForce
 from shake_ros.fit.axis_model import forecast_errors, position_errors, slow_changes
@@ -83,13 +84,14 @@ def interval_text(value: float, half: float, unit: str) -> str:
     return f"{shown} ({low} … {high}) {text}".rstrip()
 
 
-def bound_text(value: float, low: float, high: float) -> str:
-    """At which of its two bounds a value rests.
+def resting_text(p: Estimate, low: float, high: float) -> str:
+    """The bound on which a value rests, and which of the two it is; a fit ends a rounding error off.
 
-    >>> bound_text(0.01, 0.0, 5.0)
-    'at its lower bound'
+    >>> resting_text(Estimate("x", 2e-18, None, "-"), 0.0, 5.0)
+    '0,\\nat its lower bound'
     """
-    return f"at its {'lower' if value - low < high - value else 'upper'} bound"
+    side, bound = ("lower", low) if p.value - low < high - p.value else ("upper", high)
+    return f"{estimate_text(replace(p, value=bound))},\nat its {side} bound"
 
 
 def estimate_text(p: Estimate) -> str:

@@ -237,9 +237,17 @@ def test_parameter_at_a_bound_says_at_which_and_is_marked() -> None:
     resting = [p.name for p in done.result.baseline.parameters if p.std_error is None]
     page = read_page((done.out / "report.html").read_text(encoding="utf-8"))
     rows = {row[0]: row for row in page.rows if len(row) == 5 and row[0] != "parameter"}
+    ends = {f.name: (f.low, f.high) for f in done.result.baseline.fit.free.free}
     assert resting
     for name in resting:
-        assert rows[name][1].endswith(("at its lower bound", "at its upper bound", "does not act"))
+        shown, _, place = rows[name][1].partition(",")
+        place = place.strip()
+        assert place in ("at its lower bound", "at its upper bound", "does not act")
+        if place != "does not act":
+            bound = Estimate(
+                name, ends[name]["upper" in place], None, done.result.baseline.fit.table.fields[name].metadata["unit"]
+            )
+            assert shown == estimate_text(bound)
 
 
 def test_betas_are_reported_as_hydraulic_frequency_damping_and_gain() -> None:
