@@ -171,18 +171,21 @@ class Predictor(Likelihood):
         if not self.levels.null:
             return self
         with ThreadPoolExecutor(workers()) as pool:
-            shifts = list(pool.map(lambda run: self._null_shift(vector, run), self.runs))
+            shifts, foreseen = zip(*pool.map(lambda run: self._null_shift(vector, run), self.runs), strict=True)
+        if sum(foreseen) < GAIN:
+            return self
         moved = type(self)([s.shifted(m) for s, m in zip(self.segments, shifts, strict=True)], self.levels)
         found = moved.filtered(vector)
         gained = float(np.sum(found.log_likelihood()) - np.sum(self.log_likelihood()))
         return found.centred(vector) if gained > GAIN else self
 
-    def _null_shift(self, vector: np.ndarray, run: FilteredSegment) -> float:
-        """Null shift of least residuals, to first order [-]."""
+    def _null_shift(self, vector: np.ndarray, run: FilteredSegment) -> tuple[float, float]:
+        """Null shift of least residuals [-], and the gain in log likelihood that it foresees, to first order."""
         r = self._run(vector, run, False)
         d = self._by_null(vector, run, r)
-        shift = -float(d @ r) / (float(d @ d) + self.levels.null**-2)
-        return min(max(shift, -NULL_MOST), NULL_MOST)
+        power = float(d @ d) + self.levels.null**-2
+        shift = min(max(-float(d @ r) / power, -NULL_MOST), NULL_MOST)
+        return shift, -shift * (float(d @ r) + 0.5 * shift * power)
 
     def _by_null(self, vector: np.ndarray, run: FilteredSegment, r: np.ndarray) -> np.ndarray:
         """Change of a run's residuals r at a vector by the null shift, both of shape (N,)."""
