@@ -253,7 +253,7 @@ def recordings(data: Data | None) -> Recordings:
 
     Raises
     ------
-    ShakeError : one cannot be read, is none, or has the name of another.
+    ShakeError : one cannot be read, is not a recording, or has the name of another.
     """
 
     def each(source: Data) -> Iterator[TableRecording]:

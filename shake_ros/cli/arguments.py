@@ -123,6 +123,8 @@ class CommandLine(argparse.ArgumentParser):
 def _form(annotation: Any) -> dict[str, Any] | None:
     """How a parser takes values of a type; None where a line of text cannot give them."""
     kinds = get_args(annotation) if isinstance(annotation, UnionType) else (annotation,)
+    if Recordings in kinds:  # the options of `add_data`
+        return None
     if str in kinds:
         return {"type": str}
     for kind, metavar in ((int, "N"), (float, "X")):

@@ -161,7 +161,7 @@ def identify_command(arguments: Sequence[str]) -> int:
     command = CommandLine("identify")
     add_data(command, ("estimation",))
     add_declared(command)
-    command.add_verb(identify, "validation")
+    command.add_verb(identify)
     given = command.read(arguments)
     return reported(identify(*inputs(given), **command.options(given)), given)
 
@@ -171,7 +171,7 @@ def close_loop_command(arguments: Sequence[str]) -> int:
     command = CommandLine("close_loop")
     add_data(command, ("estimation", "validation"))
     add_declared(command)
-    command.add_verb(close_loop, "test")
+    command.add_verb(close_loop)
     command.add_argument(
         "--test", type=Path, nargs="+", default=[], metavar="BAG", help="recordings that no decision uses: test data"
     )

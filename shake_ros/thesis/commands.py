@@ -66,7 +66,7 @@ def schedule_command(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
     p = CommandLine("schedule")
     add_data(p)
-    p.add_verb(schedule, "estimation", "validation", settings="config")
+    p.add_verb(schedule, settings="config")
     given = p.read(arguments)
     if bool(given.estimation) != bool(given.validation):
         raise ShakeError("--learn and --hold: both or neither (without them, data are simulated)")
