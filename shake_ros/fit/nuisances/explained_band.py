@@ -23,6 +23,7 @@ from shake_ros.fit.records import ExplainedBand, Record
 from shake_ros.signals.velocity_filter import low_pass, with_gains
 
 SEGMENT, FEWEST = 4.0, 8  # length of the spectra's segments, in which a lightly damped mode rings out [s]; least number
+SHORTEST = 0.5 * FEWEST * SEGMENT  # recording that tells [s]: what rings longer than a segment is not coherent in it
 INDEPENDENT = 0.6  # part of the segments, which overlap by half
 COHERENT = 0.15  # part of the acceleration's power in a band, below which the command explains nothing there
 MUCH = 0.1  # part of its whole power that lies above at least
@@ -35,11 +36,12 @@ PER_PERIOD = 2.5  # coefficients of a filter in a period of the highest frequenc
 
 def explained_band(records: Sequence[Record]) -> float:
     """The frequency above which the command explains nothing of a good part of the acceleration [Hz]; else infinite."""
-    if any(r.acceleration is None for r in records):
+    long = [r for r in records if len(r.commands) * r.sample_time >= SHORTEST]
+    if not long or any(r.acceleration is None for r in records):
         return math.inf
     highest = 0.5 / max(r.sample_time for r in records)
     edges = np.geomspace(LOWEST, highest, round(PER_OCTAVE * math.log2(highest / LOWEST)) + 1)
-    whole, explained = np.mean([_shares(r, edges) for r in records], axis=0)
+    whole, explained = np.mean([_shares(r, edges) for r in long], axis=0)
     above = np.cumsum(whole[::-1])[::-1]
     beyond = (explained < COHERENT * whole) & (above > MUCH)
     return float(edges[np.argmax(beyond)]) if beyond.any() else math.inf
