@@ -68,6 +68,15 @@ def test_spikes_that_move_the_table_stay() -> None:
     assert not unseen_glitches([Record("run", 0.002, command, position)])[0]
 
 
+def test_edges_of_pulses_stay_though_slow_motion_hardly_tells_them_from_other_edges() -> None:
+    sample_time = 1.0 / 204.8
+    edge = np.repeat([0.0, 1.0, 0.0, -1.0], 51)
+    command = np.convolve(np.tile(edge, 5), np.hanning(9) / 4.0, "same")
+    position = np.cumsum(0.3 * command) * sample_time
+    assert glitches(command, sample_time)
+    assert not unseen_glitches([Record("pulses", sample_time, command, position)])[0]
+
+
 def test_bursts_of_jumps_and_ramps_are_taken_out_where_the_motion_ignores_them() -> None:
     drive = np.convolve(np.random.default_rng(5).standard_normal(20000), np.hanning(200) / 10.0, "same")[:8000]
     position = np.cumsum(0.3 * drive) * 0.005
