@@ -3,8 +3,7 @@
 Where a logger samples at another rate than the controller writes, or a filter between them stumbles, each beat of the
 two leaves samples that stand out from all that is around. The valve has not seen them where the velocity does not
 answer: a finite impulse response g from the command u without glitches to the velocity, then the share h of the
-glitches s that the rest shows, v − g∗u = h g∗s, each by least squares. What some other response to u would do as well
-as g∗s counts as shown: the edges of pulses are no glitches.
+glitches s that the rest shows, v − g∗u = h g∗s, each by least squares.
 """
 
 from __future__ import annotations
@@ -24,6 +23,7 @@ RARE = 5.0  # of the robust deviation of the second differences, above which the
 LEAST = 1e-3  # second difference of a corner at least, in parts of the command's range
 AROUND = 2.0  # over which that deviation is taken [s]
 APART = 6  # samples between corners of one glitch at most
+MILDER = 0.5  # part of its sharpest corner up to which a command has one without a glitch
 FEWEST = 5  # glitches in a recording: a beat returns
 FOLLOWED = 8.0  # up to which command and velocity are compared: commands reach as far [Hz]
 LAGS = np.arange(-0.03, 0.081, 0.01)  # of the response, some before zero for the filters that look ahead [s]
@@ -33,21 +33,35 @@ SEEN = 0.5  # share from which the valve has seen the glitches
 def glitches(commands: Floats, sample_time: float) -> list[NDArray[np.int64]]:
     """Samples of each glitch, ascending; none where there are fewer than FEWEST.
 
-    A glitch lies between corners that are close together; a step or a ramp alone has no corner near its own.
+    A glitch lies between corners that are close together and nearly vanish without it: a step or a ramp alone has no
+    corner near its own, and whatever takes the place of a pulse's edge is as sharp.
 
     >>> u = np.sin(np.arange(1000) / 20.0)
     >>> u[50::100] += 0.5
     >>> [each.tolist() for each in glitches(u, 0.001)][:3]
     [[50], [150], [250]]
     """
-    size = np.zeros(len(commands))
-    size[1:-1] = np.abs(commands[1:-1] - 0.5 * (commands[:-2] + commands[2:]))
+    size = _bends(commands)
     around = median_filter(size, min(round(AROUND / sample_time), len(size)), mode="nearest")
     limit = np.maximum(RARE * 1.4826 * np.maximum(around, np.median(size)), LEAST * np.ptp(commands))
     corners = np.flatnonzero(size > limit)
     groups = np.split(corners, np.flatnonzero(np.diff(corners) > APART) + 1) if len(corners) else []
     found = [np.arange(g[0] + 1, g[-1]) for g in groups if len(g) > 2]
+    left = _bends(without(commands, found))
+    found = [each for each in found if _sharpest(left, each) < MILDER * _sharpest(size, each)]
     return found if len(found) >= FEWEST else []
+
+
+def _sharpest(bends: Floats, glitch: NDArray[np.int64]) -> float:
+    """Largest bend of a glitch with the samples beside it."""
+    return float(np.max(bends[glitch[0] - 1 : glitch[-1] + 2]))
+
+
+def _bends(commands: Floats) -> Floats:
+    """Distance of each sample from the middle of its neighbours, shape (n,)."""
+    size = np.zeros(len(commands))
+    size[1:-1] = np.abs(commands[1:-1] - 0.5 * (commands[:-2] + commands[2:]))
+    return size
 
 
 def without(commands: Floats, found: Sequence[NDArray[np.int64]]) -> Floats:
@@ -71,8 +85,7 @@ def unseen_glitches(records: Sequence[Record]) -> list[list[NDArray[np.int64]]]:
         velocity = _slow(record, record.velocity)
         response = np.linalg.lstsq(of_command, velocity, rcond=None)[0]
         expected = of_glitches @ response
-        alike = of_command @ np.linalg.lstsq(of_command, expected, rcond=None)[0]
-        answered += float(expected @ (velocity - of_command @ response + alike)) / record.sample_time
+        answered += float(expected @ (velocity - of_command @ response)) / record.sample_time
         shown += float(expected @ expected) / record.sample_time
     return places if answered < SEEN * shown or not shown else [[] for _ in places]
 
