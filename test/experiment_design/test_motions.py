@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
+from scipy.signal import lfilter
 
 from shake_ros.control.reference.motion import Envelope, peaks
 from shake_ros.experiment_design.motions import SHAPES, library
+from shake_ros.fit.nuisances.glitches import unseen_glitches
+from shake_ros.fit.records import Record
 from shake_ros.quantities import ShakeError
 
 LIMITS = Envelope(0.05, 0.4, 6.0)
@@ -34,6 +37,17 @@ def test_velocity_and_acceleration_are_the_derivatives_of_the_position():
         samples = motion.samples(LIMITS, DT)
         moved = cumulative_trapezoid(samples[:, 1], dx=DT, initial=0.0)
         assert np.max(np.abs(moved - samples[:, 0])) < 0.02 * np.max(np.abs(samples[:, 0])), motion
+
+
+@pytest.mark.parametrize("rate", [204.8, 500.0])
+@pytest.mark.parametrize("overlap", [0.0, 0.02])
+@pytest.mark.parametrize("motion", library(), ids=lambda m: f"{m.name} {m.part}")
+def test_no_part_of_its_command_passes_for_a_glitch(motion, overlap, rate):
+    command = motion.samples(LIMITS, 1.0 / rate)[:, 1] / 0.8
+    opened = np.sign(command) * np.maximum(np.abs(command) - overlap, 0.0)
+    late = np.exp(-100.0 / rate)
+    position = np.cumsum(lfilter([0.8 * (1.0 - late)], [1.0, -late], opened)) / rate
+    assert unseen_glitches([Record(motion.name, 1.0 / rate, command, position)]) == [[]]
 
 
 def test_every_shape_is_in_the_library():
