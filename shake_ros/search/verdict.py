@@ -7,10 +7,10 @@ An effect is
     likely           at better odds than even, but not sure, or much is unexplained; or there was no time to assess it
     not established  at no better odds than even; its strength at a bound, or any number of it while much is unexplained
 
-For the verdict the odds count only beyond what remains unexplained: a combination with something else may replace the
-effect; one at a bound does the work of something that is missing. Such effects are candidates, not findings. Not so
-what the recordings show without a model: an effect by which the sensors differ, as whatever else is missing moves the
-table and the table moves both sensors; or a backlash whose dwells the acceleration shows.
+The odds count only beyond what remains unexplained: a combination with something else may replace the effect; one at a
+bound does the work of something that is missing. Such effects are candidates, not findings. Not so what the recordings
+show without a model: an effect by which the sensors differ, as whatever else is missing moves the table and the table
+moves both sensors; or a backlash whose dwells the acceleration shows.
 
 A fit without an effect that had to end early leaves at least what it would have left at its end. So when the time
 budget is over an effect may still turn out to be needless, but none is established.
@@ -39,8 +39,8 @@ ESTABLISHED, LIKELY, ONE_OF_THESE, NOT_ESTABLISHED = "established", "likely", "o
 class EffectVerdict:
     """What is concluded about one effect in the final model.
 
-    odds : of the final model against the same without it, 10⁶ at most. worth : rms residual of the validation data
-    without it, over that with it [-]. reason : of the verdict, one phrase.
+    odds : of the final model against the same without it, beyond what remains unexplained, 10⁶ at most. worth : rms
+    residual of the validation data without it, over that with it [-]. reason : of the verdict, one phrase.
     alternatives : effects that could stand for it in the final model. bounds : its parameters that rest on a bound.
     candidate, model : the effect with its parameters, and the model that had it when it was assessed.
     """
@@ -77,23 +77,22 @@ def verdict_of(
     reduced = without(problem, final, candidate, found.near_without(candidate.effect))
     worth = float(np.sqrt(reduced.validation_cost / final.validation_cost))
     bounds = resting_parameters(final, step)
-    odds = log_odds(problem, final, reduced, 1)
-    surely = log_odds(problem, final, reduced, 1, left)  # whatever else is missing
+    odds = log_odds(problem, final, reduced, 1, left)
     near_noise = final.validation_cost <= settings.near_noise**2 * noise
     others = step.alternatives
     early = time_is_over()
     if candidate.strength.name in bounds:
         state, reason = NOT_ESTABLISHED, "its strength is at a bound; it stands in for an effect that is missing"
-    elif surely <= 0.0:
+    elif odds <= 0.0:
         state = NOT_ESTABLISHED
-        reason = "more remains unexplained than it explains" if odds > 0.0 else "the model is as good without it"
+        reason = "more remains unexplained than it explains" if left > 0.0 else "the model is as good without it"
     elif bounds and not near_noise and candidate.effect not in shown:
         state, reason = NOT_ESTABLISHED, "at a bound, and the unexplained residual may have the same cause"
     elif others:
         state, reason = ONE_OF_THESE, "another effect explains the data equally well"
     elif early:
         state, reason = LIKELY, "not fully assessed: the time budget ended"
-    elif surely < math.log(settings.sure):
+    elif odds < math.log(settings.sure):
         state, reason = LIKELY, "the recordings hardly show it"
     elif near_noise:
         state, reason = ESTABLISHED, "needed, no other effect replaces it, and the residual is near the noise"

@@ -69,6 +69,8 @@ def test_what_shows_without_a_model_stays_however_much_is_unexplained(
     problem = problem_of(Unexplained(0.5, 3.0))
     _, told, left = with_verdicts(problem, found_in(problem), shown)
     assert ({s.effect: s.state for s in told}, tuple(s.effect for s in left)) == (expected, dropped)
+    assert all(s.odds > 1.0 for s in told)
+    assert all(s.odds < 1.0 for s in left)
 
 
 def test_what_shows_without_a_model_leaves_where_the_model_does_as_well_without_it() -> None:
