@@ -85,7 +85,8 @@ def verdict_of(
         state, reason = NOT_ESTABLISHED, "its strength is at a bound; it stands in for an effect that is missing"
     elif odds <= 0.0:
         state = NOT_ESTABLISHED
-        reason = "more remains unexplained than it explains" if left > 0.0 else "the model is as good without it"
+        helps = log_odds(problem, final, reduced, 1) > 0.0
+        reason = "more remains unexplained than it explains" if helps else "the model is as good without it"
     elif bounds and not near_noise and candidate.effect not in shown:
         state, reason = NOT_ESTABLISHED, "at a bound, and the unexplained residual may have the same cause"
     elif others:

@@ -130,6 +130,11 @@ def test_a_limited_recording_that_is_short_stays_whole() -> None:
     assert windows(found, 0.9 * SECONDS / 3.0, 3.0) == found
 
 
+def test_a_short_response_that_follows_its_command_keeps_its_whole_band() -> None:
+    plain = record(0.0)
+    assert explained_band([plain.part(slice(0, round(3.0 / DT)))]) == math.inf
+
+
 def test_a_recording_too_short_to_tell_keeps_its_whole_band_and_leaves_the_answer_to_longer_ones() -> None:
     shaken = record(4.0)
     short = shaken.part(slice(0, round(10.0 / DT)))
