@@ -92,7 +92,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"shake_ros {given[0]}: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        return 0 if given[0] in NODES else 130  # a node that is asked to end has done so, even while it starts
+        return 130
     except BrokenPipeError:  # whoever read our output has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
@@ -102,12 +102,14 @@ def program() -> int:
     """`main` as a process of its own.
 
     A node exits at once: everything that it holds is closed by now, and tearing down its compiled code would cost the
-    interpreter half a second of processor time, many seconds for a graph of seven nodes on a busy machine.
+    interpreter half a second of processor time, many seconds for a graph of seven nodes on a busy machine. Ctrl-C ends
+    it as soon while it starts, until its loop obeys signals: an import may turn a KeyboardInterrupt into another error.
     """
     if not sys.warnoptions:
         warnings.simplefilter("ignore")  # from numpy and others, for developers: -W and the tests show them
     node = bool(sys.argv[1:]) and sys.argv[1] in NODES
     if node:
+        signal.signal(signal.SIGINT, lambda *_: os._exit(0))
         faulthandler.enable()  # a crash, or SIGABRT to a node that hangs, prints where each thread is
     code = main()
     if node:
