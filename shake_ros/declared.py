@@ -27,6 +27,7 @@ from shake_ros.settings import find, load_search, load_table, read_yaml, table_o
 
 MODELS: dict[str, DeclaredModel] = {model.name: model for model in (FULL, REDUCED, AXIS)}
 DEFAULT_TABLE = "bergamo"
+UNSEEN = {"body.stroke": 1.0}  # what a table may leave open and no fit needs: so long that no end stop is met [m]
 AGAINST_POSITION = ("accelerometer_lag", "accelerometer_scale", "position_sensor_lag")  # what only a position shows
 
 
@@ -105,6 +106,9 @@ def unknown_model(config: str = UNKNOWN) -> UnknownModel:
             return {key: known(f"{name}.{key}" if name else str(key), value) for key, value in content.items()}
         if content != UNKNOWN and not isinstance(content, Mapping):
             return content
+        if content == UNKNOWN and name in UNSEEN:
+            unknown.append(name)
+            return UNSEEN[name]
         if name not in starts:
             raise ShakeError(
                 f"{path}: {name}: recordings do not determine it: give a number (known to a fit: {', '.join(starts)})"

@@ -68,7 +68,9 @@ class Model:
     @property
     def stroke(self) -> float | None:
         """Full stroke that is declared [m]; None where there is none."""
-        return None if self._declared_table is None else self._declared_table.value("body.stroke")
+        table, name = self._declared_table, "body.stroke"
+        unseen = isinstance(self.declared, UnknownModel) and name in self.declared.unknown
+        return None if table is None or unseen else table.value(name)
 
     def start(self, records: list[Record]) -> TableParameters:
         """The table that a fit to these records starts from."""

@@ -194,10 +194,16 @@ def test_file_that_leaves_numbers_open_makes_the_full_model_the_unknown_one(tmp_
     assert sr.model("full", "bergamo").kind == "full"
 
 
+def test_stroke_is_known_only_where_it_is_declared(tmp_path: Path) -> None:
+    assert sr.model("unknown").stroke is None
+    assert sr.model("unknown", written(tmp_path, body__stroke=0.3)).stroke == 0.3
+    assert sr.model("unknown", set={"stroke": 0.3}).stroke == 0.3
+
+
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"body__stroke": "unknown"}, "body.stroke: recordings do not determine it"),
+        ({"body__end_stop_stiffness": "unknown"}, "body.end_stop_stiffness: recordings do not determine it"),
         ({"body__table_mass": {"value": 500.0, "sd": 0.0}}, "sd = 0: expected a number above 0"),
         ({"body__table_mass": {"value": 500.0, "sd": "much"}}, "sd: expected a number"),
     ],

@@ -15,7 +15,15 @@ from shake_ros.declared import effect_candidates, free_parameters
 from shake_ros.experiment_design.design import ENOUGH, HARDLY, Designer, possible_effects
 from shake_ros.experiment_design.further_sensors import further_sensors, lacking
 from shake_ros.experiment_design.motions import library
-from shake_ros.experiment_design.next_recording import WITHIN, NextRecording, may_lack, next_recording, remedies
+from shake_ros.experiment_design.next_recording import (
+    GROWTH,
+    WITHIN,
+    NextRecording,
+    limits_of,
+    may_lack,
+    next_recording,
+    remedies,
+)
 from shake_ros.fit.free_parameters import FreeParameters
 from shake_ros.fit.least_squares import Fit
 from shake_ros.fit.recording_problem import RecordingProblem
@@ -301,3 +309,10 @@ def test_a_wrong_list_of_sensors_names_what_is_wrong(tmp_path, text, said):
     path.write_text(text)
     with pytest.raises(ShakeError, match=said):
         further_sensors(str(path))
+
+
+@pytest.mark.parametrize("known", [{}, {"stroke": 0.26}])
+def test_a_motion_keeps_off_the_stops_that_an_unknown_table_has_somewhere(table, small_motion, known):
+    reached = max(np.ptp(r.position) for r in small_motion) / 2.0
+    allowed = limits_of(SimpleNamespace(table=table, model=sr.model("unknown", set=known), records=small_motion))
+    assert allowed.position == pytest.approx(WITHIN * 0.13 if known else GROWTH * reached)
