@@ -94,7 +94,7 @@ def unexplained(problem: SearchProblem, model: ScoredFit) -> float:
     return max(model.validation_cost - problem.settings.remaining_above**2 * problem.validation.noise_cost(), 0.0)
 
 
-def log_odds(problem: SearchProblem, model: ScoredFit, other: ScoredFit, effects: int = 0, left: float = 0.0) -> float:
+def log_odds(model: ScoredFit, other: ScoredFit, effects: int = 0, left: float = 0.0) -> float:
     """Log odds of a model against another one [nats].
 
     Parameters
@@ -102,15 +102,15 @@ def log_odds(problem: SearchProblem, model: ScoredFit, other: ScoredFit, effects
     effects : that it has in addition. left : cost that no model explains, beyond which its gain counts [-].
     """
 
-    def variance(cost: float, noise: float) -> float:
-        """Of a weighted residual, at least that of the noise, which has 1; for each independent one."""
-        return max(cost / noise, 1.0) * model.samples_for_one
+    def variance(cost: float) -> float:
+        """Of a weighted residual, at least that of what counts as noise, which has 1; for each independent one."""
+        return max(cost, 1.0) * model.samples_for_one
 
     blocks = model.validation_blocks
     fitted = len(model.fit.residuals) * (other.estimation_cost - model.estimation_cost - left)
-    fitted /= 2.0 * variance(model.estimation_cost, problem.estimation.noise_cost())
+    fitted /= 2.0 * variance(model.estimation_cost)
     gains = other.validation_blocks - (1.0 + left / max(model.validation_cost, 1e-300)) * blocks
-    gains /= 2.0 * variance(model.validation_cost, problem.validation.noise_cost())
+    gains /= 2.0 * variance(model.validation_cost)
     more = len(model.fit.x) - len(other.fit.x)
     gain = tempered(float(np.sum(gains)), contradicted(gains))
     return min(gain, fitted) - price(effects, more, len(blocks))
@@ -134,7 +134,7 @@ def decide(problem: SearchProblem, ranking: Sequence[Refit]) -> ForwardStep:
     """
     best, sure = ranking[0].result, math.log(problem.settings.sure)
     left = unexplained(problem, best)
-    alike = [r for r in ranking if r is ranking[0] or log_odds(problem, best, r.result, left=left) < sure]
+    alike = [r for r in ranking if r is ranking[0] or log_odds(best, r.result, left=left) < sure]
     chosen = next((r for r in alike if r.usual), alike[0])
     ranking = (chosen, *(r for r in ranking if r is not chosen))
     return ForwardStep(chosen, ranking, tuple(r.candidate.effect for r in alike if r is not chosen))

@@ -77,7 +77,7 @@ def verdict_of(
     reduced = without(problem, final, candidate, found.near_without(candidate.effect))
     worth = float(np.sqrt(reduced.validation_cost / final.validation_cost))
     bounds = resting_parameters(final, step)
-    odds = log_odds(problem, final, reduced, 1, left)
+    odds = log_odds(final, reduced, 1, left)
     near_noise = final.validation_cost <= settings.near_noise**2 * noise
     others = step.alternatives
     early = time_is_over()
@@ -85,7 +85,7 @@ def verdict_of(
         state, reason = NOT_ESTABLISHED, "its strength is at a bound; it stands in for an effect that is missing"
     elif odds <= 0.0:
         state = NOT_ESTABLISHED
-        helps = log_odds(problem, final, reduced, 1) > 0.0
+        helps = log_odds(final, reduced, 1) > 0.0
         reason = "more remains unexplained than it explains" if helps else "the model is as good without it"
     elif bounds and not near_noise and candidate.effect not in shown:
         state, reason = NOT_ESTABLISHED, "at a bound, and the unexplained residual may have the same cause"

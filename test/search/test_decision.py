@@ -45,45 +45,45 @@ def scored(estimation: float, validation: float | np.ndarray, samples_for_one: f
 def test_odds_are_the_gain_in_log_likelihood_of_the_data_that_gain_less(
     estimation: float, validation: float, gained: float
 ) -> None:
-    assert log_odds(problem(), scored(1.0, 1.0), scored(estimation, validation)) == pytest.approx(gained)
+    assert log_odds(scored(1.0, 1.0), scored(estimation, validation)) == pytest.approx(gained)
 
 
 def test_residuals_that_last_count_by_their_independent_samples() -> None:
     lasting = scored(1.0, 1.0, samples_for_one=20.0)
-    assert log_odds(problem(), lasting, scored(1.1, 1.1)) == pytest.approx(10.0)
+    assert log_odds(lasting, scored(1.1, 1.1)) == pytest.approx(10.0)
 
 
 def test_an_effect_and_its_parameter_have_a_price() -> None:
     more, less = scored(1.0, 1.0), scored(1.1, 1.1)
     less.fit.x = np.zeros(9)  # type: ignore[misc]
     price = PRIOR + 0.5 * math.log(10 * BLOCKS)
-    assert log_odds(problem(), more, less, effects=1) == pytest.approx(200.0 - price)
+    assert log_odds(more, less, effects=1) == pytest.approx(200.0 - price)
 
 
 def test_a_difference_counts_only_beyond_what_remains_unexplained() -> None:
     best, other = scored(2.0, 2.0), scored(2.5, 2.5)
     left = unexplained(problem(), best)
     assert left == pytest.approx(2.0 - 1.15**2)
-    assert log_odds(problem(), best, other) > 100.0
-    assert log_odds(problem(), best, other, left=left) < 0.0
+    assert log_odds(best, other) > 100.0
+    assert log_odds(best, other, left=left) < 0.0
 
 
 def test_calm_blocks_do_not_speak_against_a_difference_by_what_loud_ones_leave() -> None:
     loud = np.where(np.arange(BLOCKS) % 2, 1.9, 0.1)
     best, other = scored(2.0, 2.0 * loud), scored(4.0, 4.0 * loud)
-    assert log_odds(problem(), best, other, left=1.0) == pytest.approx(0.5 * log_odds(problem(), best, other))
+    assert log_odds(best, other, left=1.0) == pytest.approx(0.5 * log_odds(best, other))
 
 
 def test_a_difference_that_some_blocks_make_and_others_take_back_is_chance() -> None:
     swing = np.where(np.arange(BLOCKS) % 2, 1.0, -1.0)
     scattered, steady = scored(1.2, 1.14 + 0.9 * swing), scored(1.2, 1.14 + 0.05 * swing)
     best = scored(1.0, 1.0)
-    assert log_odds(problem(), best, scattered) < 3.0 < 100.0 < log_odds(problem(), best, steady)
+    assert log_odds(best, scattered) < 3.0 < 100.0 < log_odds(best, steady)
 
 
 def test_a_gain_in_the_loud_part_of_an_earthquake_alone_counts_in_full() -> None:
     loud = scored(1.2, 1.0 + 5.0 * (np.arange(BLOCKS) < 2))
-    assert log_odds(problem(), scored(1.0, 1.0), loud) == pytest.approx(0.5 * SAMPLES * 0.2)
+    assert log_odds(scored(1.0, 1.0), loud) == pytest.approx(0.5 * SAMPLES * 0.2)
 
 
 def back_pressure(pressure: float) -> Refit:
