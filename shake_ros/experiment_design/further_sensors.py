@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.signal import cont2discrete, lfilter
 
 from shake_ros.fit.recording_problem import RecordingProblem
-from shake_ros.fit.records import CORRECTION_RATE, FULL, MODEL_FLOOR, Record
+from shake_ros.fit.records import FULL, MODEL_FLOOR, Record
 from shake_ros.physics.plant.parameters import FULL_LAYOUT
 from shake_ros.physics.plant.simulation import COLUMNS, SMOOTH, run_batch
 from shake_ros.quantities import ShakeError, strict_keys, unknown_name
@@ -186,7 +186,6 @@ class WithSensors:
             track=record.track,
             command_before=record.command_before,
             measured=record.beginning,
-            injection=CORRECTION_RATE,
             columns=tuple(range(len(COLUMNS))),
             tolerance=SMOOTH,
         )

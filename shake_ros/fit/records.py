@@ -37,9 +37,8 @@ from shake_ros.signals.velocity_filter import derivative, low_pass, velocity_noi
 
 SHORTEST = 1.0  # a part of a recording that is shorter than this tells nothing of the dynamics [s]
 SETTLE = 0.5  # start of a recording that is simulated but not compared [s]: pressures are not known there …
-CORRECTION_RATE = 40.0  # … and found by correcting the run towards the measured motion at this rate [1/s], unless …
-AT_REST = 0.01  # … it begins at rest: with a velocity over this time [s] …
-QUIET = 4.0  # … below so many times its noise
+AT_REST = 0.01  # … and found by correcting the run towards the motion, unless it rests at first: over this time [s] …
+QUIET = 4.0  # … its velocity is below so many times its noise
 OVER = 0.8  # of the samples that a band needs where a filter ended at its highest frequency at once
 LONGER = 3.0
 MODEL_FLOOR = 2e-3  # part of a channel's rms that counts as noise at least
@@ -427,7 +426,7 @@ class FullModel(DeclaredModel):
             track=record.track,
             command_before=record.command_before,
             measured=measured,
-            injection=injection or CORRECTION_RATE,
+            injection=injection,
             cutoff=record.cutoff,
             columns=MOTION if record.pressure is None else MOTION + CHAMBERS,
             tolerance=SMOOTH,
@@ -449,7 +448,6 @@ class FullModel(DeclaredModel):
             state=state,
             command_before=record.command_before,
             measured=record.beginning,
-            injection=CORRECTION_RATE,
             cutoff=record.cutoff,
             tolerance=SMOOTH,
         )

@@ -131,6 +131,19 @@ def test_a_recording_that_begins_in_the_midst_of_ringing_runs_as_it_was() -> Non
     assert without > 0.5
 
 
+def test_what_begins_in_motion_leaves_no_more_than_noise_behind_a_slow_filter() -> None:
+    """Noise of the sensors, and a filter that is late by a good part of a period of the oil column."""
+    table, time, rng = load_table("bergamo_measured"), np.arange(6000) * 1e-3, np.random.default_rng(1)
+    command = 0.1 * np.sin(2.0 * math.pi * 1.3 * time) + 0.1 * np.sin(2.0 * math.pi * 7.0 * time)
+    out, later = run(table, command, 1e-3, cutoff=50.0), slice(3000, None)
+    position = out[later, 0] + 3e-6 * rng.standard_normal(3000)
+    cut = Record("cut", 1e-3, command[later], position, out[later, 2] + 0.02 * rng.standard_normal(3000), cutoff=50.0)
+    problem = RecordingProblem([cut])
+    left = problem.residuals(table.vector()[None, :])[0]
+    first = (problem.times() < SETTLE + 0.2) & (problem.times() > 0.0)
+    assert np.mean(left[first] ** 2) < 1.3 * problem.noise_cost()
+
+
 def test_right_model_leaves_the_weighted_residuals_of_the_noise() -> None:
     declared, problem = declared_fit("nothing")
     mean_square = float(np.mean(declared.residuals**2))

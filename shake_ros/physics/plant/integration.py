@@ -142,6 +142,7 @@ MOST_STEPS = 5000  # of one call: what asks for more would go on for minutes, an
 SMALLEST_STEP = 1e-7  # [s] below it the step is taken whatever its error, so that nothing can hang
 LARGEST_GROWTH = 4.0  # of a step
 WHOLE = 0.24  # part of the wanted step from which a step's error tells of the next one; shorter ones were cut off
+FIRST_RATE, FORGETS = 40.0, 0.5  # of the correction that finds a state [1/s]; part of the time that it remembers
 OUTPUTS = 7  # columns of `simulate`: position, velocity, acceleration, P_A, P_B, P_s, spool
 
 
@@ -421,7 +422,8 @@ def simulate(
     forces : external force, shape (n,) or (0,) [N].
     track : measured position, shape (n,) or (0,) [m]: where given, the table follows it, see `follow`.
     measured : velocity [m/s] and acceleration [m/s²] of the first samples, shape (k, 2), k ≤ n: as far as they are
-        given, the run is corrected towards them at the rate `injection` [1/s].
+        given, the run is corrected towards them at the rate `injection` [1/s]; where that is 0, to find its state: at
+        FIRST_RATE and then more slowly, so that the noise of FORGETS of the time so far is averaged.
     y0 : state at the first sample, shape (STATES,).
     dt : [s].
     tolerance : relative local error of a step.
@@ -441,11 +443,12 @@ def simulate(
         if tracking:
             follow(p, y, track[i])
         outputs(p, y, acceleration, out[i])
-        correcting = i < measured.shape[0]
-        if correcting:
-            inject(p, y, measured[i, 0] - out[i, 1], measured[i, 1] - out[i, 2], min(injection * dt, 0.5))
         if cutoff > 0.0:
             out[i, 2] = scaled(p, work[FILTER, OUTPUT])
+        correcting = i < measured.shape[0]
+        if correcting:
+            rate = injection if injection > 0.0 else 1.0 / (1.0 / FIRST_RATE + FORGETS * i * dt)
+            inject(p, y, measured[i, 0] - out[i, 1], measured[i, 1] - out[i, 2], min(rate * dt, 0.5))
         before, force = force, forces[i] if forces.shape[0] > 0 else 0.0
         late, timely, fraction = delayed(commands, i, delay, command_before)
         if pacing:

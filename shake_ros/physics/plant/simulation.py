@@ -171,7 +171,7 @@ def run_batch(
     track : measured position, shape (n,) [m], or empty. forces : external force, shape (n,) [N], or empty.
     command_before : as in `run` [-].
     measured, injection : velocity [m/s] and acceleration [m/s²] of the first k samples, shape (k, 2), NaN where there
-        is none, towards which the runs are corrected, and the rate [1/s].
+        is none, towards which the runs are corrected, and the rate [1/s]; 0: one that falls as the state becomes known.
     cutoff : of the filter behind the accelerometer [Hz]; 0 where there is none, see sensors.py.
     columns : which of COLUMNS to keep.
 
