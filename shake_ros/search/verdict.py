@@ -6,6 +6,7 @@ An effect is
     one of these     another effect in its place is not excluded at sure odds
     likely           at better odds than even, but not sure, or much is unexplained; or there was no time to assess it
     not established  at no better odds than even; its strength at a bound, or any number of it while much is unexplained
+    not needed       where the model is as good without it: it leaves the model, and is nobody's question
 
 The odds count only beyond what remains unexplained: a combination with something else may replace the effect; one at a
 bound does the work of something that is missing. Such effects are candidates, not findings. Not so what the recordings
@@ -33,6 +34,7 @@ from shake_ros.search.problem import ScoredFit, SearchProblem
 from shake_ros.search.selection import Selection
 
 ESTABLISHED, LIKELY, ONE_OF_THESE, NOT_ESTABLISHED = "established", "likely", "one of these", "not established"
+NOT_NEEDED = "not needed"
 
 
 @dataclass(frozen=True)
@@ -81,12 +83,12 @@ def verdict_of(
     near_noise = final.validation_cost <= settings.near_noise**2 * noise
     others = step.alternatives
     early = time_is_over()
-    if candidate.strength.name in bounds:
+    if log_odds(final, reduced, 1) <= 0.0:
+        state, reason = NOT_NEEDED, "the model is as good without it"
+    elif candidate.strength.name in bounds:
         state, reason = NOT_ESTABLISHED, "its strength is at a bound; it stands in for an effect that is missing"
     elif odds <= 0.0:
-        state = NOT_ESTABLISHED
-        helps = log_odds(final, reduced, 1) > 0.0
-        reason = "more remains unexplained than it explains" if helps else "the model is as good without it"
+        state, reason = NOT_ESTABLISHED, "more remains unexplained than it explains"
     elif bounds and not near_noise and candidate.effect not in shown:
         state, reason = NOT_ESTABLISHED, "at a bound, and the unexplained residual may have the same cause"
     elif others:
@@ -108,8 +110,8 @@ def with_verdicts(
 ) -> tuple[Selection, tuple[EffectVerdict, ...], tuple[EffectVerdict, ...]]:
     """The selection with what is established, likely or one of several; the verdicts on it; and those not established.
 
-    Effects that are not established leave the model one by one, the one worth least first, and the others are
-    assessed again without it; so are all where the model without one of them shows that the fit with it was a poor
+    Effects that are not established or not needed leave the model one by one, the one worth least first, and the others
+    are assessed again without it; so are all where the model without one of them shows that the fit with it was a poor
     minimum. shown : effects that the recordings show without a model.
     """
     problem.progress("assessing each effect", 0.5)
@@ -122,11 +124,12 @@ def with_verdicts(
             if again.final.estimation_cost < nearly * found.final.estimation_cost:
                 found = again
                 continue
-        refused = [i for i, (s, _) in enumerate(each) if s.state == NOT_ESTABLISHED]
+        refused = [i for i, (s, _) in enumerate(each) if s.state in (NOT_ESTABLISHED, NOT_NEEDED)]
         if not refused:
             return found, tuple(s for s, _ in each), tuple(dropped)
         i = min(refused, key=lambda i: each[i][0].worth)
-        dropped.append(each[i][0])
+        verdict, lesser = each[i]
+        dropped += [verdict] * (verdict.state == NOT_ESTABLISHED)
         steps = tuple(s for k, s in enumerate(found.steps) if k != i)
-        found = replace(found, steps=steps, final=each[i][1], removed=(*found.removed, dropped[-1].effect))
+        found = replace(found, steps=steps, final=lesser, removed=(*found.removed, verdict.effect))
     return found, (), tuple(dropped)

@@ -75,16 +75,16 @@ def test_what_shows_without_a_model_stays_however_much_is_unexplained(
 
 def test_what_shows_without_a_model_leaves_where_the_model_does_as_well_without_it() -> None:
     problem = problem_of(Unexplained(0.0, 3.0))
-    _, _, left = with_verdicts(problem, found_in(problem), (FIRST.effect,))
-    assert [s.effect for s in left] == [FIRST.effect]
+    kept, _, left = with_verdicts(problem, found_in(problem), (FIRST.effect,))
+    assert (kept.removed, left) == ((FIRST.effect,), ())
 
 
 def test_an_effect_owes_nothing_to_a_poor_fit_of_the_model_without_it() -> None:
     problem = problem_of(Hidden(0.0, 0.0))
     alone = step(problem, FIRST)
     stuck = fitted(problem_of(Hidden(5.0, 5.0)))  # leaves far more than it has to
-    _, told, left = with_verdicts(problem, Selection(stuck, (alone,), alone.chosen.result))
-    assert (told, [s.effect for s in left]) == ((), [FIRST.effect])
+    kept, told, left = with_verdicts(problem, Selection(stuck, (alone,), alone.chosen.result))
+    assert (kept.removed, told, left) == ((FIRST.effect,), (), ())
 
 
 def test_an_effect_is_not_lost_to_a_poor_fit_of_the_model_with_it() -> None:
