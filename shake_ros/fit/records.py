@@ -18,6 +18,7 @@ from typing import ClassVar, NamedTuple, final
 
 import numpy as np
 
+from shake_ros.physics.plant.integration import FIRST_RATE
 from shake_ros.physics.plant.parameters import FULL_LAYOUT, TableLayout, TableParameters
 from shake_ros.physics.plant.simulation import (
     COLUMNS,
@@ -152,6 +153,11 @@ class Record:
         begins at rest, whose state is known: the noise of the measured velocity would only break a resting contact.
         """
         return self.motion[: self.start] if self.moved and not self._begins_at_rest() else UNSEEN
+
+    @property
+    def correction(self) -> float:
+        """Rate at which its beginning corrects a run [1/s]; 0: a falling one, unless something shakes the table."""
+        return 0.0 if self.explained is None else FIRST_RATE
 
     def corrected_by(self, motion: np.ndarray) -> Record:
         """The same recording with another motion that corrects its runs, shape (n, 2); NaN where a run is free."""
@@ -426,7 +432,7 @@ class FullModel(DeclaredModel):
             track=record.track,
             command_before=record.command_before,
             measured=measured,
-            injection=injection,
+            injection=injection or record.correction,
             cutoff=record.cutoff,
             columns=MOTION if record.pressure is None else MOTION + CHAMBERS,
             tolerance=SMOOTH,
@@ -448,6 +454,7 @@ class FullModel(DeclaredModel):
             state=state,
             command_before=record.command_before,
             measured=record.beginning,
+            injection=record.correction,
             cutoff=record.cutoff,
             tolerance=SMOOTH,
         )

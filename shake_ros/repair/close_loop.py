@@ -17,13 +17,14 @@ from shake_ros.explain.latent_force import LatentForce, latent_forces
 from shake_ros.failures import RAISING, Failures
 from shake_ros.fit.least_squares import never, time_is_over, within_budget
 from shake_ros.fit.nuisances.estimates import estimated_null_shifts, without_null_shifts
+from shake_ros.fit.nuisances.sensor_filter import filter_of
 from shake_ros.fit.prediction import Predictor
 from shake_ros.fit.records import FULL, DeclaredModel, Record
 from shake_ros.fit.solver import Budget
 from shake_ros.fit.start.backlash import BACKLASH, shows_backlash
-from shake_ros.search.answer import answer
+from shake_ros.search.answer import LAGS, OF_POSITION, answer
 from shake_ros.search.closed_form import LearntFunction, learnt_function
-from shake_ros.search.decision import ForwardStep
+from shake_ros.search.decision import ForwardStep, log_odds, taken_out
 from shake_ros.search.declared_fit import FittedModel, fitted_model, unassessed_model
 from shake_ros.search.problem import ModelStructure, Progress, ScoredFit, SearchProblem, Stopped, unstopped
 from shake_ros.search.refined_nodes import refined_function
@@ -145,7 +146,7 @@ def searched(
             break
     with within_budget(deadline_passed):
         with failures.step("nuisance parameters"):
-            best = with_nuisances(best)
+            best = without_needless_lags(with_nuisances(best), model.between)
         problem, found = best.problem, selection_of(best.problem, model, best.given, best.fit)
     with failures.step("search for an unlisted effect"), contextlib.suppress(Stopped):
         found = with_function(replace(problem, progress=progress), found)
@@ -191,6 +192,26 @@ def with_nuisances(best: FittedAnswer) -> FittedAnswer:
     estimates = known.updated(problem.estimation, problem.validation.records, best.fit.fit)
     updated = problem.with_nuisances(estimates)
     return FittedAnswer(replace(best.given, nuisances=estimates), updated, recentred(best.fit, problem, updated))
+
+
+def without_needless_lags(best: FittedAnswer, between: Sequence[str]) -> FittedAnswer:
+    """An answer without the sensors' lags where another delay of the accelerometer's filter explains as much.
+
+    The search takes that filter as it was first found, when other effects were missing too.
+    between : effects that stay: the sensors show them without a model.
+    """
+    unknown = best.problem.estimation.model.nuisances
+    for lag in (c for c in best.given.effects if unknown and c.effect in LAGS and c.effect not in between):
+        time = best.fit.fit.table.value(lag.strength.name)
+        behind = filter_of(best.problem.estimation.records[0]).later(-time if lag.effect == OF_POSITION else time)
+        others = tuple(c for c in best.given.effects if c is not lag)
+        given = replace(best.given, effects=others, nuisances=replace(best.given.nuisances, behind=behind))
+        problem = best.problem.with_nuisances(given.nuisances)
+        fit = problem.converged_from(*taken_out(problem, best.fit, lag, ()))
+        lesser = with_nuisances(FittedAnswer(given, problem, fit))
+        lesser = lesser._replace(fit=lesser.problem.converged_again(lesser.fit))
+        best = lesser if log_odds(best.fit, lesser.fit, 1) <= 0.0 else best
+    return best
 
 
 def recentred(model: ScoredFit, before: SearchProblem, after: SearchProblem) -> ScoredFit:

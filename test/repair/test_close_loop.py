@@ -14,9 +14,13 @@ from shake_ros.declared import effect_candidates, model_structure
 from shake_ros.failures import RAISING
 from shake_ros.fit.free_parameters import FreeParameters
 from shake_ros.fit.least_squares import Fit, never
+from shake_ros.fit.nuisances.sensor_filter import SensorFilter
 from shake_ros.fit.prediction import Predictor
+from shake_ros.fit.records import Record
+from shake_ros.fit.start.unknown_model import UnknownModel
+from shake_ros.physics.plant.simulation import run
 from shake_ros.repair import close_loop as closing
-from shake_ros.repair.close_loop import passed_through, searched
+from shake_ros.repair.close_loop import FittedAnswer, passed_through, searched, without_needless_lags
 from shake_ros.search.decision import ForwardStep, Refit
 from shake_ros.search.problem import ModelStructure, ScoredFit, SearchProblem
 from shake_ros.search.selection import GivenAnswer, Selection
@@ -101,3 +105,24 @@ def test_model_that_an_effect_has_left_since_counts_on_the_data_of_the_final_one
     models = passed_through(problem, Selection(declared, steps, final, gone), searched.blocks())
     assert [len(m.fit.residuals) for m in models] == [40, *([90, 90] if gone else [40, 40]), 90]
     assert all(p.std_error is not None for p in models[-1].parameters)
+
+
+@pytest.mark.parametrize(("hidden", "stays"), [(0.0, False), (0.004, True)])
+def test_lag_of_a_sensor_stays_only_where_no_filter_explains_as_much(hidden: float, stays: bool) -> None:
+    """Behind a filter whose delay was first found too short; the accelerometer itself has a lag [s], or none."""
+    (lag,) = (c for c in effect_candidates() if c.effect == "accelerometer_lag")
+    delay, cutoff, table = 0.0045, 50.0, load_table("bergamo")
+    rng, true, records = np.random.default_rng(1), table.with_values({lag.strength.name: hidden}), []
+    for name in ("learn", "hold"):
+        u = 0.03 * np.convolve(rng.standard_normal(6000), np.hanning(12) / 6.0, "same")
+        out = run(true, u, 1e-3, cutoff=cutoff)
+        position = out[:, 0] + 3e-6 * rng.standard_normal(6000)
+        late = Record(name, 1e-3, u, position, out[:, 2] + 0.1 * rng.standard_normal(6000), delay=delay, cutoff=cutoff)
+        records.append(SensorFilter(0.95 * delay, 0.95 * delay).applied(late))
+    structure = replace(model_structure(table), simulator=UnknownModel(table))
+    problem = SearchProblem.of(structure, records[:1], records[1:], LEAN, lambda *_: None)
+    free = FreeParameters(table.with_values({lag.strength.name: 0.0}), [*structure.free[:3], *lag.free])
+    found = problem.converged_from(free, free.x_of({lag.strength.name: 0.002}))
+    best = FittedAnswer(GivenAnswer(found.fit.table, (lag,), {}), problem, found)
+    assert without_needless_lags(best, (lag.effect,)).effects == (lag.effect,)
+    assert bool(without_needless_lags(best, ()).effects) is stays

@@ -51,6 +51,11 @@ class SensorFilter:
         """Of the filter [Hz]; 0 where there is none."""
         return FILTER_DELAY / self.by_filter if self.by_filter > 0.0 else 0.0
 
+    def later(self, time: float) -> SensorFilter:
+        """One whose delay is longer by a time [s], with as large a part of it in the filter."""
+        part = self.by_filter / self.delay if self.delay else 0.0
+        return SensorFilter(self.delay + time, max(self.by_filter + part * time, 0.0))
+
     def applied(self, record: Record) -> Record:
         """The recording with the pure delay taken out; the filter's stays, for the simulation to have it as well."""
         present = filter_of(record)
