@@ -32,7 +32,7 @@ from shake_ros.physics.plant.prediction import (
     relevelled,
 )
 from shake_ros.physics.plant.sensors import FILTER_DELAY
-from shake_ros.physics.plant.simulation import NO_PACE, build_film, moving_state, workers
+from shake_ros.physics.plant.simulation import NO_PACE, moving_state, remember, workers
 from shake_ros.physics.plant.states import (
     BASE,
     BASE_RATE,
@@ -377,7 +377,7 @@ def start_state(vector: np.ndarray, s: Segment) -> np.ndarray:
     gained = late * a if math.isfinite(a) else 0.0
     state = moving_state(table, float(s.position[0]) + moved, s.velocity + gained, a, s.command_before)
     state[LAGGED_POSITION] -= moved
-    build_film(table, state, s.past, s.dt)
+    remember(table, state, s.past, s.dt)
     state[CLOCK] = s.begin
     return state
 

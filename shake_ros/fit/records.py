@@ -25,8 +25,8 @@ from shake_ros.physics.plant.simulation import (
     NOTHING,
     SMOOTH,
     UNSEEN,
-    build_film,
     initial_state,
+    remember,
     run,
     run_batch,
 )
@@ -80,7 +80,7 @@ class Record:
         the valve that models have added to the commands [-]. run : number of the recording, of those that are learned
         from and then those held out. own : what a force-driven axis takes from this recording
         for itself, see axis_model.py. explained : where the command explains the response; None: everywhere.
-        past : velocity before the first sample, by which friction's film has built up, shape (k,) [m/s].
+        past : velocity before the first sample, which friction's film and a specimen remember, shape (k,) [m/s].
     position_measured : False where the position is the acceleration integrated (signals/velocity_filter.py): runs
         begin there and volumes follow it, but it is never compared.
     """
@@ -465,7 +465,7 @@ class FullModel(DeclaredModel):
         states = np.array([initial_state(v, record.track[0]) for v in vectors])
         states[:, VELOCITY], states[:, CLOCK] = record.velocity[0], record.begin
         for vector, state in zip(vectors, states, strict=True):
-            build_film(vector, state, record.past, record.sample_time)
+            remember(vector, state, record.past, record.sample_time)
         return states
 
     def moved_mass(self, table: TableParameters) -> float:

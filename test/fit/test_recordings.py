@@ -144,6 +144,20 @@ def test_what_begins_in_motion_leaves_no_more_than_noise_behind_a_slow_filter() 
     assert np.mean(left[first] ** 2) < 1.3 * problem.noise_cost()
 
 
+def test_a_piece_begins_with_the_specimen_swaying_as_it_was() -> None:
+    values = {"mass": 300.0, "frequency": 7.5, "damping": 0.005}
+    table = load_table("bergamo").with_values({f"effects.specimen_resonance.{n}": v for n, v in values.items()})
+    time, rng = np.arange(8000) * 1e-3, np.random.default_rng(1)
+    command = 0.05 * np.sin(2.0 * math.pi * 7.3 * time) * (time < 4.0)
+    out = run(table, command, 1e-3)
+    noise = rng.standard_normal((2, 8000))
+    whole = Record("whole", 1e-3, command, out[:, 0] + 3e-6 * noise[0], out[:, 2] + 0.02 * noise[1])
+    piece = whole.part(slice(3000, None))
+    problems = [RecordingProblem([r]) for r in (piece, replace(piece, past=np.zeros(0)))]
+    with_past, without = (np.mean(p.residuals(table.vector()[None, :]) ** 2) / p.noise_cost() for p in problems)
+    assert with_past < 2.0 < 100.0 < without
+
+
 def test_right_model_leaves_the_weighted_residuals_of_the_noise() -> None:
     declared, problem = declared_fit("nothing")
     mean_square = float(np.mean(declared.residuals**2))

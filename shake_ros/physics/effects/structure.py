@@ -10,6 +10,8 @@ from shake_ros.compiled import njit
 from shake_ros.physics.effects.effect import Effect
 from shake_ros.quantities import quantity
 
+SLOWEST = 1e-6  # square of the least frequency of a damped specimen, in parts of its own
+
 
 @dataclass(frozen=True)
 class ConstantForce(Effect):
@@ -72,6 +74,27 @@ def spring_force(p, mass, deflection, rate):
     """Force on the table of a mass that stands on the specimen's spring [N]."""
     omega = 2.0 * math.pi * p.specimen_resonance_frequency
     return mass * omega * (2.0 * p.specimen_resonance_damping * rate + omega * deflection)
+
+
+@njit
+def specimen_after(p, velocity, dt):
+    """q [m] and q̇ [m/s] after a motion from rest.
+
+    Parameters
+    ----------
+    velocity : of the table, even between samples, shape (n,) [m/s]. dt : [s].
+    """
+    omega = 2.0 * math.pi * p.specimen_resonance_frequency
+    decay = p.specimen_resonance_damping * omega
+    rings = omega * math.sqrt(max(1.0 - p.specimen_resonance_damping**2, SLOWEST))
+    kept, cosine, sine = math.exp(-decay * dt), math.cos(rings * dt), math.sin(rings * dt) / rings
+    q, rate = 0.0, 0.0
+    for k in range(1, len(velocity)):
+        rest = (velocity[k - 1] - velocity[k]) / dt / omega**2  # about which it rings
+        away = q - rest
+        q = rest + kept * (cosine * away + sine * (rate + decay * away))
+        rate = kept * (cosine * rate - sine * (omega**2 * away + decay * rate))
+    return q, rate
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from shake_ros.physics.effects.friction import film_after
+from shake_ros.physics.effects.structure import specimen_after
 from shake_ros.physics.plant.cylinder import rest_pressures
 from shake_ros.physics.plant.integration import MOST, OUTPUTS, acceleration_now, simulate, spool_command
 from shake_ros.physics.plant.parameters import INDEX, TableParameters, records
@@ -25,6 +26,8 @@ from shake_ros.physics.plant.states import (
     PRESSURE_A,
     PRESSURE_B,
     PRESSURE_SUPPLY,
+    SPECIMEN,
+    SPECIMEN_RATE,
     SPOOL,
     STATES,
     STEP_SIZE,
@@ -69,8 +72,8 @@ def initial_state(vector: np.ndarray, position: float = 0.0) -> np.ndarray:
     return y
 
 
-def build_film(vector: np.ndarray, y: np.ndarray, past: np.ndarray, sample_time: float) -> None:
-    """Give a state the film of friction that a motion has left, in place.
+def remember(vector: np.ndarray, y: np.ndarray, past: np.ndarray, sample_time: float) -> None:
+    """Give a state what a motion has left, in place: the film of friction, and the specimen's swaying.
 
     Parameters
     ----------
@@ -79,6 +82,8 @@ def build_film(vector: np.ndarray, y: np.ndarray, past: np.ndarray, sample_time:
     """
     if vector[INDEX["effects.film_friction.relief"]] and len(past):
         y[FILM] = film_after(records(vector)[0], past, sample_time)
+    if vector[INDEX["effects.specimen_resonance.mass"]] and len(past):
+        y[SPECIMEN], y[SPECIMEN_RATE] = specimen_after(records(vector)[0], np.append(past, y[VELOCITY]), sample_time)
 
 
 def weigh(vector: np.ndarray, y: np.ndarray, acceleration: float = 0.0) -> None:
