@@ -156,7 +156,7 @@ class Record:
 
     @property
     def correction(self) -> float:
-        """Rate at which its beginning corrects a run [1/s]; 0: a falling one, unless something shakes the table."""
+        """Rate at which its beginning corrects a run [1/s]; 0: a falling one, but for a table that is shaken."""
         return 0.0 if self.explained is None else FIRST_RATE
 
     def corrected_by(self, motion: np.ndarray) -> Record:

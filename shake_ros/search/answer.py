@@ -29,7 +29,8 @@ from shake_ros.search.selection import GivenAnswer
 
 NULL_SHIFT = "effects.valve_null_shift.offset"  # what all recordings have in common of it
 STIFFNESS = "effects.coupling_backlash.stiffness"
-LAGS = ("accelerometer_lag", OF_POSITION := "position_sensor_lag")
+OF_POSITION = "position_sensor_lag"
+LAGS = ("accelerometer_lag", OF_POSITION)
 SECONDS, PIECE = 14.0, 3.5  # of the estimation data that are fitted, and length of each piece [s]
 VALIDATION_SECONDS = 10.0  # of the validation data
 GAP = 1.25  # times the width that the dwells show, from which a backlash starts: a dwell is noticed late
