@@ -97,6 +97,9 @@ def unexplained(problem: SearchProblem, model: ScoredFit) -> float:
 def log_odds(model: ScoredFit, other: ScoredFit, effects: int = 0, left: float = 0.0) -> float:
     """Log odds of a model against another one [nats].
 
+    No more than as much data as were fitted gain, or as many of these as there are validation data: often pieces are
+    fitted, and all validation data judge.
+
     Parameters
     ----------
     effects : that it has in addition. left : cost that no model explains, beyond which its gain counts [-].
@@ -107,7 +110,8 @@ def log_odds(model: ScoredFit, other: ScoredFit, effects: int = 0, left: float =
         return max(cost, 1.0) * model.samples_for_one
 
     blocks = model.validation_blocks
-    fitted = len(model.fit.residuals) * (other.estimation_cost - model.estimation_cost - left)
+    samples = max(len(model.fit.residuals), float(np.sum(blocks)) / max(model.validation_cost, 1e-300))
+    fitted = samples * (other.estimation_cost - model.estimation_cost - left)
     fitted /= 2.0 * variance(model.estimation_cost)
     gains = other.validation_blocks - (1.0 + left / max(model.validation_cost, 1e-300)) * blocks
     gains /= 2.0 * variance(model.validation_cost)

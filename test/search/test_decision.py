@@ -48,6 +48,12 @@ def test_odds_are_the_gain_in_log_likelihood_of_the_data_that_gain_less(
     assert log_odds(scored(1.0, 1.0), scored(estimation, validation)) == pytest.approx(gained)
 
 
+def test_fit_to_pieces_counts_as_if_to_as_much_data_as_judge_it() -> None:
+    best = scored(1.0, 1.0)
+    best.fit.residuals = np.zeros(SAMPLES // 4)  # type: ignore[misc]
+    assert log_odds(best, scored(1.01, 1.2)) == pytest.approx(20.0)
+
+
 def test_residuals_that_last_count_by_their_independent_samples() -> None:
     lasting = scored(1.0, 1.0, samples_for_one=20.0)
     assert log_odds(lasting, scored(1.1, 1.1)) == pytest.approx(10.0)
