@@ -67,7 +67,7 @@ def test_a_recording_that_is_played_gives_the_numbers_of_follow_and_the_twin_end
         )
         with process("twin", table=str(table), settings=str(settings)) as twin:
             waits = "joint_states:1 imu:1 valve_command:1"
-            with process("player", input=str(bag), wait_for=waits, speed=1.0) as player:
+            with process("player", input=str(bag), wait_for=waits, speed=0.5) as player:
                 wanted = [len(found.windows), len(predicted), len(predicted)]
                 ears = (states, position, imu)
                 spin_until(node, lambda: [len(e.messages) for e in ears] == wanted, "windows and predictions", 240.0)
