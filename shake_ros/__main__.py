@@ -92,7 +92,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"shake_ros {given[0]}: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        return 130
+        return 0 if given[0] in NODES else 130  # a node that is asked to end has done so, even while it starts
     except BrokenPipeError:  # whoever read our output has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1

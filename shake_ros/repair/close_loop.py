@@ -146,7 +146,8 @@ def searched(
             break
     with within_budget(deadline_passed):
         with failures.step("nuisance parameters"):
-            best = without_needless_lags(with_nuisances(best), model.between)
+            best = with_nuisances(best)
+            best = without_needless_lags(best, model.between)
         problem, found = best.problem, selection_of(best.problem, model, best.given, best.fit)
     with failures.step("search for an unlisted effect"), contextlib.suppress(Stopped):
         found = with_function(replace(problem, progress=progress), found)

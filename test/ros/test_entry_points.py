@@ -63,6 +63,7 @@ def test_wrong_input_is_one_line_and_exit_code_2(ros_domain, capfd, arguments, r
     [
         ("plant", ShakeError("file: reason"), 2),
         ("identify", KeyboardInterrupt(), 130),
+        ("plant", KeyboardInterrupt(), 0),  # a node that is told to end while it starts, by a launcher say
     ],
 )
 def test_exit_codes_and_silence_on_interrupt(monkeypatch, capsys, name, raised, code) -> None:

@@ -8,9 +8,8 @@ from typing import ClassVar
 
 from shake_ros.compiled import njit
 from shake_ros.physics.effects.effect import Effect
+from shake_ros.physics.valve.simplified import motion_weights
 from shake_ros.quantities import quantity
-
-SLOWEST = 1e-6  # square of the least frequency of a damped specimen, in parts of its own
 
 
 @dataclass(frozen=True)
@@ -85,15 +84,12 @@ def specimen_after(p, velocity, dt):
     velocity : of the table, even between samples, shape (n,) [m/s]. dt : [s].
     """
     omega = 2.0 * math.pi * p.specimen_resonance_frequency
-    decay = p.specimen_resonance_damping * omega
-    rings = omega * math.sqrt(max(1.0 - p.specimen_resonance_damping**2, SLOWEST))
-    kept, cosine, sine = math.exp(-decay * dt), math.cos(rings * dt), math.sin(rings * dt) / rings
+    a, b, c = motion_weights(omega, p.specimen_resonance_damping, dt)
     q, rate = 0.0, 0.0
     for k in range(1, len(velocity)):
         rest = (velocity[k - 1] - velocity[k]) / dt / omega**2  # about which it rings
         away = q - rest
-        q = rest + kept * (cosine * away + sine * (rate + decay * away))
-        rate = kept * (cosine * rate - sine * (omega**2 * away + decay * rate))
+        q, rate = rest + a * away + b * rate, c * rate - omega**2 * b * away
     return q, rate
 
 
