@@ -100,9 +100,9 @@ class RecordingProblem:
                 acceleration = self._with_offset(acceleration, record.acceleration, seen & record.whole)
         if pressure is not None and record.pressure is not None:
             if self.model.nuisances:  # pressures in a gauge of their own
-                centred = pressure - np.mean(pressure[:, seen], axis=1, keepdims=True)
+                centred = record.in_band(pressure - np.mean(pressure[:, seen], axis=1, keepdims=True))
                 square = np.sum(centred[:, seen] ** 2, axis=1)
-                scale = centred[:, seen] @ record.pressure[seen] / np.maximum(square, 1e-300)
+                scale = centred[:, seen] @ record.in_band(record.pressure)[seen] / np.maximum(square, 1e-300)
                 pressure = scale[:, None] * pressure
             pressure = self._with_offset(pressure, record.pressure, seen)
         return Compared(velocity, acceleration, position, pressure)
@@ -129,7 +129,7 @@ class RecordingProblem:
             if position is not None:
                 parts.append(w_x * (position - record.position)[:, record.start :])
             if pressure is not None and record.pressure is not None:
-                parts.append(w_p * (pressure - record.pressure)[:, record.start :])
+                parts.append(record.whitened(w_p * (pressure - record.pressure)[:, record.start :], 2))
             own = slice(len(parts) - self._channels(record), len(parts))
             parts[own] = [self._in_band(part, record) for part in parts[own]]
             if record.acceleration is not None and record.explained is not None:

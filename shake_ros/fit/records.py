@@ -52,16 +52,15 @@ class ExplainedBand:
     """Where the command explains the response, see nuisances/explained_band.py.
 
     highest : frequency of it [Hz]. beyond : standard deviation of the acceleration above [m/s²].
-    velocity, acceleration : of what it leaves of them there [m/s], [m/s²].
-    lines : frequencies [Hz], shape (k,). whitening : gains at these by which what it leaves of the velocity and of the
-    acceleration becomes white and as large [-], shape (2, k). level : of that about each sample, over its rms [-],
-    shape (2, n).
+    left : standard deviation of what it leaves there of velocity [m/s], acceleration [m/s²] and, where it was
+    measured, load pressure [Pa]. lines : frequencies [Hz], shape (k,). whitening : gains at these by which what is left
+    of each becomes white and as large [-], shape (m, k). level : of that about each sample, over its rms [-], shape
+    (m, n).
     """
 
     highest: float
     beyond: float
-    velocity: float
-    acceleration: float
+    left: tuple[float, ...]
     lines: np.ndarray = field(repr=False)
     whitening: np.ndarray = field(repr=False)
     level: np.ndarray = field(repr=False)
@@ -183,7 +182,9 @@ class Record:
         return values if self.explained is None else low_pass(values, self.sample_time, self.explained.highest)
 
     def whitened(self, values: np.ndarray, channel: int) -> np.ndarray:
-        """What rows of residuals of velocity (channel 0) or acceleration (1) have in that band; noise is even there."""
+        """What rows of residuals of a channel (0 velocity, 1 acceleration, 2 load pressure) have in that band, where
+        noise is even.
+        """
         if self.explained is None:
             return values
         band = self.explained
@@ -214,7 +215,7 @@ class Record:
     def velocity_noise(self) -> float:
         """Standard deviation of the noise that passes the velocity filter [m/s], not below that of its rounding."""
         if self.explained is not None:
-            return self.explained.velocity
+            return self.explained.left[0]
         gain = velocity_noise_gain(self.sample_time)
         if "velocity" in self.noise_from_periods:
             rounding = gain * resolution(self.position) / math.sqrt(12.0)
@@ -225,7 +226,7 @@ class Record:
         """Standard deviation of the acceleration noise [m/s²]."""
         assert self.acceleration is not None
         if self.explained is not None:
-            return self.explained.acceleration
+            return self.explained.left[1]
         return min(self.noise_from_periods.get("acceleration", self._white_acceleration), self.calmest)
 
     def deviations(self) -> tuple[float, float]:
@@ -245,6 +246,8 @@ class Record:
     def pressure_noise(self) -> float:
         """Standard deviation of the noise of the load pressure [Pa], not below that of its rounding."""
         assert self.pressure is not None
+        if self.explained is not None:
+            return self.explained.left[2]
         return max(white_deviation(self.pressure), resolution(self.pressure) / math.sqrt(12.0))
 
     def pressure_deviation(self) -> float:

@@ -13,6 +13,7 @@ from hidden_table import OWN, SAMPLE_TIME, SCALED, TRUE, record
 
 from shake_ros.fit.likelihood import Levels
 from shake_ros.fit.model import TABLE, start_of
+from shake_ros.fit.nuisances.explained_band import limited
 from shake_ros.fit.prediction import Predictor
 from shake_ros.fit.recording_problem import RecordingProblem
 from shake_ros.fit.records import FULL, Record
@@ -62,6 +63,18 @@ def test_the_pressure_tells_a_heavier_table_on_a_higher_pressure_which_its_motio
     )
     assert motion[1] == pytest.approx(motion[0], rel=0.02)
     assert both[1] > 2.0 * both[0]
+
+
+def test_the_pressure_tells_it_too_where_the_table_is_compared_below_a_frequency_alone(
+    recorded: Record, table: TableParameters
+) -> None:
+    vectors = np.array([t.vector() for t in (table, heavier(table, 1.3))])
+    alone, both = (
+        np.sum(RecordingProblem(limited([r], 30.0)).residuals(vectors) ** 2, axis=1)
+        for r in (dataclasses.replace(recorded, pressure=None), recorded)
+    )
+    assert abs(alone[1] - alone[0]) < 3.0
+    assert both[1] - both[0] > 30.0
 
 
 def test_innovations_of_the_true_table_are_white_and_no_larger_than_the_filter_expects(

@@ -4,9 +4,8 @@ Noise in the valve, friction that catches and rings the oil column, and play sha
 small earthquake does. Its phase is nobody's doing: a free run cannot have it. Where much of the acceleration's power
 lies above the frequency from which it is no longer coherent with the command, a run is compared below that alone, and
 should be calm above. What a linear filter of the command leaves below counts as noise, at each frequency and at each
-time as much as there is: else slow drift would hide a specimen's mode, and the loudest seconds all others. The load
-pressure follows what shakes the table more than the command, so it is not compared. Little of what a nonlinear table
-does lies beyond: what its nonlinearity adds to a wide command is partly coherent with it.
+time as much as there is: else slow drift would hide a specimen's mode, and the loudest seconds all others. Little of
+what a nonlinear table does lies beyond: what its nonlinearity adds to a wide command is partly coherent with it.
 """
 
 from __future__ import annotations
@@ -76,21 +75,19 @@ def limited(records: Sequence[Record], band: float, learnt: Sequence[Record] = (
     found = []
     for r in records:
         own = _Normal.of(r, band)
-        others = [n for n in equations if n.run != r.run and n.square.shape == own.square.shape] or [own]
+        others = [n for n in equations if n.run != r.run and n.right.shape == own.right.shape] or [own]
         square, right = np.sum([n.square for n in others], axis=0), np.sum([n.right for n in others], axis=0)
         told = own.terms @ np.linalg.lstsq(square, right, rcond=None)[0]
         # another motion's filter may not fit
         levels = np.minimum(np.std(own.signals - told, axis=0), np.std(own.signals, axis=0))
         beyond = float(np.std(_felt(r) - own.signals[:, 1]))
-        signals = np.column_stack([r.velocity[r.start :], _felt(r)])
+        signals = _signals(r)
         left = signals - signals.mean(axis=0) - told
         lines, gains = _whitening(left, r, band)
         below = low_pass(left.T, r.sample_time, band)
         white = [with_gains(v, r.sample_time, lines, g) for v, g in zip(below, gains, strict=True)]
         level = np.stack([_level(w, r) for w in white])
-        velocity, acceleration = levels.tolist()
-        explained = ExplainedBand(band, beyond, velocity, acceleration, lines, gains, level)
-        found.append(replace(r, pressure=None, explained=explained))
+        found.append(replace(r, explained=ExplainedBand(band, beyond, tuple(levels.tolist()), lines, gains, level)))
     return found
 
 
@@ -114,8 +111,8 @@ def _level(white: np.ndarray, record: Record) -> np.ndarray:
 class _Normal:
     """What a recording tells of its filters below a frequency.
 
-    signals : velocity [m/s] and acceleration [m/s²], shape (n, 2). terms : the command at each lag, shape (n, lags),
-    both about their means. square, right : normal equations, shapes (lags, lags) and (lags, 2).
+    signals : as `_signals` gives them, shape (n, m). terms : the command at each lag, shape (n, lags), both about
+    their means. square, right : normal equations, shapes (lags, lags) and (lags, m).
     """
 
     run: int
@@ -132,10 +129,15 @@ class _Normal:
         u = np.concatenate([np.full(lags[-1], record.command_before), record.commands])
         u = low_pass(u, record.sample_time, band)
         terms = np.column_stack([u[lags[-1] - k : lags[-1] - k + n] for k in lags])[record.start :]
-        signals = np.stack([record.velocity[record.start :], _felt(record)])
-        signals = low_pass(signals, record.sample_time, band).T
+        signals = low_pass(_signals(record).T, record.sample_time, band).T
         terms, signals = terms - terms.mean(axis=0), signals - signals.mean(axis=0)
         return cls(record.run, signals, terms, terms.T @ terms, terms.T @ signals)
+
+
+def _signals(record: Record) -> np.ndarray:
+    """Velocity [m/s], acceleration [m/s²] and, where it was measured, load pressure [Pa], shape (n, 2 or 3)."""
+    pressure = () if record.pressure is None else (record.pressure[record.start :],)
+    return np.column_stack([record.velocity[record.start :], _felt(record), *pressure])
 
 
 def _felt(record: Record) -> np.ndarray:

@@ -24,6 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
+from scipy.signal import csd, welch
 
 from shake_ros.fit.records import Record
 from shake_ros.physics.plant.parameters import TableParameters
@@ -297,6 +298,25 @@ def advanced(values: np.ndarray, samples: float) -> np.ndarray:
     spectrum = np.fft.rfft(padded)
     turned = spectrum * np.exp(2j * np.pi * np.fft.rfftfreq(2 * n) * samples)
     return np.asarray(np.fft.irfft(turned, 2 * n)[:n])
+
+
+def pressed_in_time(records: Sequence[Record], late: float) -> bool:
+    """Whether the load pressures are in time with the position, rather than later by a time [s]; False without any.
+
+    What pushes a mass is in phase with its acceleration or against it, with or without a specimen; only friction is
+    not.
+    """
+    alike = np.zeros(2)
+    for r in records:
+        if r.pressure is not None and r.position_measured:
+            rate, signals = 1.0 / r.sample_time, (r.position[r.start :], r.pressure[r.start :])
+            n = min(round(WINDOW * rate), len(signals[0]))
+            f, cross = csd(*signals, rate, nperseg=n)
+            power = np.prod([welch(each, rate, nperseg=n)[1] for each in signals], axis=0)
+            both = (f > LOWEST) & (power > 0.0)
+            phased = cross[both] * np.exp(2j * np.pi * f[both] * np.array([[0.0], [late]]))
+            alike += np.sum(phased.real**2 / power[both], axis=1)
+    return bool(alike[0] > alike[1])
 
 
 def timely(record: Record, delay: float) -> Record:

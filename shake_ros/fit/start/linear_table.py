@@ -201,15 +201,23 @@ def lead(records: Sequence[Record]) -> float:
     return ahead if late else 0.0
 
 
-def earlier(record: Record, time: float) -> Record:
-    """The recording with its command earlier by a time [s], to whole samples and the fraction between two of them."""
+def earlier(record: Record, time: float, pressure: bool = False) -> Record:
+    """The recording with its command earlier by a time [s], to whole samples and the fraction between two of them.
+
+    pressure : whether its load pressure is as late.
+    """
     samples = time / record.sample_time
     whole, part = int(samples), samples - int(samples)
-    u = record.commands
-    moved = (1.0 - part) * u + part * np.append(u[1:], u[-1])
-    count = len(u) - whole
-    command_before = float(moved[whole - 1]) if whole else record.command_before
-    return replace(record.part(slice(0, count)), commands=moved[whole:], command_before=command_before)
+
+    def moved(values: np.ndarray) -> np.ndarray:
+        return np.asarray((1.0 - part) * values + part * np.append(values[1:], values[-1]))
+
+    commands = moved(record.commands)
+    cut = record.part(slice(0, len(commands) - whole))
+    if pressure and record.pressure is not None:
+        cut = replace(cut, pressure=moved(record.pressure)[whole:])
+    command_before = float(commands[whole - 1]) if whole else record.command_before
+    return replace(cut, commands=commands[whole:], command_before=command_before)
 
 
 def in_time(data: Prepared) -> Prepared:
@@ -220,9 +228,11 @@ def in_time(data: Prepared) -> Prepared:
     return moved_ahead(data, DELAY_LEFT + first)
 
 
-def moved_ahead(data: Prepared, time: float) -> Prepared:
-    """The recordings with their commands earlier by a time [s], up to whole samples."""
+def moved_ahead(data: Prepared, time: float, pressure: bool = False) -> Prepared:
+    """The recordings with their commands, and their load pressures if these are as late, earlier by a time [s], up to
+    whole samples.
+    """
     step = max(r.sample_time for r in data.estimation)
     ahead = step * np.ceil(time / step)
-    both = [[earlier(r, ahead) for r in records] for records in (data.estimation, data.validation)]
+    both = [[earlier(r, ahead, pressure) for r in records] for records in (data.estimation, data.validation)]
     return replace(data, estimation=both[0], validation=both[1], ahead=float(ahead))

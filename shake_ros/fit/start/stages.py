@@ -18,7 +18,7 @@ from shake_ros.fit.nuisances.estimates import NuisanceEstimates, estimated_null_
 from shake_ros.fit.nuisances.explained_band import explained_band
 from shake_ros.fit.nuisances.prepared import Prepared
 from shake_ros.fit.nuisances.sensor_filter import behind_filter, better_filter
-from shake_ros.fit.nuisances.sensor_pair import SensorPair
+from shake_ros.fit.nuisances.sensor_pair import SensorPair, pressed_in_time
 from shake_ros.fit.recording_problem import RecordingProblem
 from shake_ros.fit.records import windows
 from shake_ros.fit.start.linear_table import SpecimenMode, moved_ahead
@@ -85,9 +85,11 @@ def staged_start(
         data = data.below(band)
     free = [*free, *null_shifts_of(len({r.run for r in data.estimation}), free)]
     first = _first_fit(model, free, effects, data, progress)
-    if not data.ahead and quicker_than_sensor(first.best.table, data.delay):
+    late = not pressed_in_time(data.estimation, data.delay) and quicker_than_sensor(first.best.table, data.delay)
+    if late and not data.ahead:
         progress("first fit: the position may be early, not the acceleration late", 0.0)
-        other = _first_fit(model, free, effects, moved_ahead(data, data.delay), progress, first.mode)
+        early = moved_ahead(data, data.delay, pressure=True)
+        other = _first_fit(model, free, effects, early, progress, first.mode)
         first = min(first, other, key=attrgetter("best.cost"))
     data, pieces, best, shown = first.data, first.pieces, first.best, first.shown
     between = tuple(e for e in shown if e in BETWEEN_SENSORS)

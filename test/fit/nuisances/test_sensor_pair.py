@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.signal import butter, freqs
 
-from shake_ros.fit.nuisances.sensor_pair import SensorPair, base_between, sensor_pair
+from shake_ros.fit.nuisances.sensor_pair import SensorPair, base_between, pressed_in_time, sensor_pair
 from shake_ros.fit.records import Record
 from shake_ros.quantities import ShakeError
 
@@ -136,3 +137,17 @@ def test_a_steep_filter_above_the_lines_is_mostly_a_dead_time() -> None:
 
 def test_all_of_a_delay_counts_as_a_filter_where_the_gain_does_not_tell() -> None:
     assert told_by(through(2, 300.0)).filter_share == 1.0
+
+
+@pytest.mark.parametrize("late", [0.0, 0.008])
+def test_the_force_on_a_table_under_a_specimen_is_in_time_with_the_position_or_as_late_as_the_accelerometer(
+    late: float,
+) -> None:
+    made = record()
+    swing = 2.0 * np.pi * 7.5
+    specimen = 0.4 + 0.6 * swing**2 / (swing**2 - OMEGA**2 + 0.04j * swing * OMEGA)
+    force = np.fft.irfft(-(OMEGA**2) * np.fft.rfft(made.position) * (OMEGA < 250.0) * specimen, COUNT)
+    felt = force + 0.3 * np.std(force) * np.sign(made.velocity)
+    pressed = replace(made, pressure=np.roll(felt, round(late / SAMPLE_TIME)))
+    assert pressed_in_time([pressed], 0.008) == (late == 0.0)
+    assert not pressed_in_time([made], 0.008)
