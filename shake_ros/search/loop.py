@@ -113,8 +113,15 @@ def gains_by_block(more: Scored, less: Scored) -> np.ndarray:
 
 
 def _scattered(gains: np.ndarray) -> float:
-    """A gain given by block, shape (b,), as its scatter from block to block lets it count [nats]."""
-    return tempered(float(np.sum(gains)), float(len(gains) * np.var(gains)))
+    """A gain given by block, shape (b,), as its scatter from block to block lets it count [nats].
+
+    A block that gains more than the others counts as much as leaves most in all: more of a gain is never less.
+
+    >>> _scattered(np.array([100.0, 0.0])), _scattered(np.array([9.0, 11.0, 9.0, 11.0, 1000.0]))
+    (4.0, 51.0)
+    """
+    capped = np.minimum(gains, np.append(np.inf, gains[gains > 0.0])[:, None])
+    return max(tempered(total, len(gains) * spread) for total, spread in zip(capped.sum(1), capped.var(1), strict=True))
 
 
 def price_over(more: Scored, less: Scored) -> float:
