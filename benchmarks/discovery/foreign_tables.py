@@ -20,7 +20,14 @@ from benchmarks.discovery import hidden_tables as hidden
 
 STEP = 4e-5  # largest integration step [s]
 RATES = (204.8, 256.0, 500.0, 512.0, 1000.0)  # sampling of laboratories [Hz]
-RUNS = ("learn_quake", "learn_random", "learn_quake_low", "hold_quake", "hold_random")
+LEVELS = {  # of a run, in parts of what the table can do
+    "learn_quake": 0.35,
+    "learn_random": 0.4,
+    "learn_quake_low": 0.13,
+    "hold_quake": 0.3,
+    "hold_random": 0.33,
+}
+RUNS = tuple(LEVELS)
 UNTOLD = (  # what no recording of a strange table tells from its own unknown numbers
     *("valve_null_shift", "slow_valve", "tank_back_pressure", "dead_volume", "payload_error", "accelerometer_bias"),
     *("command_delay", "spool_hysteresis"),
@@ -154,14 +161,19 @@ def reference(name: str, truth: hidden.Truth, rate: float, seconds: float, rng: 
     if "quake" in name:
         wave *= (time / 5.0) * np.exp(1.0 - time / 5.0)
     wave *= np.minimum(1.0, np.minimum(time, time[-1] - time))
-    reach = (truth.supply - truth.tank) * truth.area / truth.mass
-    level = {"learn_quake": 0.35, "learn_random": 0.4, "learn_quake_low": 0.13, "hold_quake": 0.3, "hold_random": 0.33}
+    most = usual(truth)
     velocity = sosfiltfilt(butter(2, 0.4, "highpass", fs=rate, output="sos"), np.cumsum(wave) / rate)
     position = sosfiltfilt(butter(2, 0.4, "highpass", fs=rate, output="sos"), np.cumsum(velocity) / rate)
-    gain = truth.flow * math.sqrt(0.5 * (truth.supply - truth.tank)) / truth.area
-    size = level[name] * min(reach / np.max(np.abs(wave)), gain / np.max(np.abs(velocity)))
-    size = min(size, 0.06 / float(np.max(np.abs(position))))
+    size = min(most["acceleration"] / np.max(np.abs(wave)), most["velocity"] / np.max(np.abs(velocity)))
+    size = min(LEVELS[name] / max(LEVELS.values()) * size, most["position"] / float(np.max(np.abs(position))))
     return size * np.column_stack([position, velocity])
+
+
+def usual(truth: hidden.Truth) -> dict[str, float]:
+    """The largest position [m], velocity [m/s] and acceleration [m/s²] of a laboratory's usual tests."""
+    drop, level = truth.supply - truth.tank, max(LEVELS.values())
+    velocity = level * truth.flow * math.sqrt(0.5 * drop) / truth.area
+    return {"position": 0.06, "velocity": velocity, "acceleration": level * drop * truth.area / truth.mass}
 
 
 def record(

@@ -15,7 +15,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from copy import copy
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
@@ -70,6 +70,11 @@ class HiddenTable(ABC):
     def sample_time(self) -> float:
         """Of its recordings [s]."""
 
+    @property
+    @abstractmethod
+    def limits(self) -> dict[str, float]:
+        """What its laboratory allows; empty for a part of what the declared numbers allow."""
+
     @abstractmethod
     def quake(self) -> tuple[Recordings, Recordings]:
         """The first recording, 10 s of a small quake: 6 s to fit and 4 s for validation."""
@@ -94,8 +99,9 @@ class HiddenTable(ABC):
         self.reached.append(float(np.max(np.abs(run[0].position))))
         return run
 
-    def asked(self, stroke: float) -> dict[str, Any]:
-        """What its further recordings asked of it; stroke : how far they may go [m]."""
+    def asked(self, found: Discovery) -> dict[str, Any]:
+        """What its further recordings asked of it, where so much was found before."""
+        stroke = limits_of(found, self.limits).position
         violations = sum(place > stroke for place in self.reached)
         return {"recordings": len(self.reached), "excitation": self.seconds, "violations": violations}
 
@@ -108,6 +114,7 @@ class DeclaredTable(HiddenTable):
 
     EFFECTS = tuple(name for name, kind in hidden.HIDDEN.items() if kind.listed)
     sample_time = hidden.SAMPLE
+    limits: ClassVar[dict[str, float]] = {}
 
     def __init__(self, effect: str, seed: int, rng: Any, pressures: bool) -> None:
         super().__init__(seed, rng, pressures)
@@ -137,7 +144,7 @@ class DeclaredTable(HiddenTable):
 class ForeignTable(HiddenTable):
     """Of foreign_tables.py, of which nothing is known, in volts and under its laboratory's loop.
 
-    Its effect has a strength as in the study of unknown tables.
+    Its effect has a strength as in the study of unknown tables. It may do what its laboratory's usual tests do.
     """
 
     EFFECTS = foreign.EFFECTS
@@ -151,6 +158,10 @@ class ForeignTable(HiddenTable):
     @property
     def sample_time(self) -> float:
         return 1.0 / self.case.laboratory.rate
+
+    @property
+    def limits(self) -> dict[str, float]:
+        return foreign.usual(self.case.truth)
 
     def quake(self) -> tuple[Recordings, Recordings]:
         lab = self.case.laboratory
@@ -177,7 +188,7 @@ Choice = Callable[[Discovery, HiddenTable], Recordings]  # makes a further recor
 
 def designed(found: Discovery, table: HiddenTable, minutes: float) -> dict[str, Any]:
     """The recordings that `decide` asks for. waited : most processor time from an answer to the next motion [s]."""
-    stroke, waited, answered = limits_of(found).position, [0.0], [time.process_time()]
+    first, waited, answered = found, [0.0], [time.process_time()]
 
     def play(asked: NextRecording) -> Recordings:
         assert asked.motion is not None
@@ -185,19 +196,24 @@ def designed(found: Discovery, table: HiddenTable, minutes: float) -> dict[str, 
         return table.follow(asked.motion)
 
     decided = decide(
-        found, play, most=MOST, minutes=minutes, progress=False, extended=lambda _: answered.append(time.process_time())
+        *(found, play),
+        most=MOST,
+        minutes=minutes,
+        progress=False,
+        extended=lambda _: answered.append(time.process_time()),
+        limits=table.limits,
     )
-    return {"advice": "designed", "found": decided.found, "design": max(waited), **table.asked(stroke)}
+    return {"advice": "designed", "found": decided.found, "design": max(waited), **table.asked(first)}
 
 
 def chosen(found: Discovery, table: HiddenTable, effect: str, minutes: float, choose: Choice) -> dict[str, Any]:
     """Recordings by another advice, until all that is found is established."""
-    stroke = limits_of(found).position
+    first = found
     for _ in range(MOST):
         if verdict(found, effect) in ("right", "wrong"):
             break
         found = found.extended(choose(found, table), minutes=minutes, progress=False)
-    return {"found": found, **table.asked(stroke)}
+    return {"found": found, **table.asked(first)}
 
 
 def fixed(found: Discovery, table: HiddenTable) -> Recordings:
@@ -212,7 +228,7 @@ def drawn(found: Discovery, table: HiddenTable) -> Recordings:
     """A motion of the library by chance."""
     motions = library()
     motion = motions[table.rng.integers(len(motions))]
-    return table.follow(motion.samples(limits_of(found), table.sample_time))
+    return table.follow(motion.samples(limits_of(found, table.limits), table.sample_time))
 
 
 def judged(found: Discovery, effect: str, before: str) -> dict[str, Any]:
