@@ -161,6 +161,8 @@ def load_table(given: str | Path | TableParameters) -> TableParameters:
     """The table of config/table/<name>.yaml, or of a YAML file given by path; a table as it is."""
     if isinstance(given, TableParameters):
         return given
+    if not isinstance(given, str | Path):
+        raise ShakeError(f"table: expected a name, a file or a table, not a {type(given).__name__}")
     path = find("table", str(given))
     return table_of(read_yaml(path), str(path))
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from shake_ros.api import fitted
 from shake_ros.api.fitted import Effects, LatentForces, prepared_alike, test_records, with_test
-from shake_ros.api.model import Model
+from shake_ros.api.model import Model, declared_of
 from shake_ros.api.progress import Ending, Progress, ProgressOption
 from shake_ros.api.read import Data, recordings
 from shake_ros.api.tune_table import UNCERTAINTY, TunedTable, tracking, tune_table
@@ -356,7 +356,7 @@ def close_loop(
     >>> round(found.table.value("axis.mass"), 1), found.remaining.above_noise
     (10.0, False)
     """
-    declared = model.declared
+    declared = declared_of(model)
     estimation, validation, test = (recordings(given) for given in (estimation, validation, test))
     records = fitted.fit_data(estimation, validation, declared.driven_by)
     test_data, stops = test_records(model, test, (estimation, validation))

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from shake_ros.api import fitted
-from shake_ros.api.model import Model
+from shake_ros.api.model import Model, declared_of
 from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.api.read import Data
 from shake_ros.declared import model_structure, recordings_to_make, search_settings
@@ -189,11 +189,11 @@ def identify(
     >>> round(fitted.table.value("axis.mass"), 1)
     10.0
     """
+    declared = declared_of(model)
     if method not in METHODS:
         raise ShakeError(f"method {method}: known are {' and '.join(METHODS)}")
     if method == "inverse_dynamics" and model.kind != "axis":
         raise ShakeError(f"--method inverse_dynamics: needs --model axis, not {model.kind}")
-    declared = model.declared
     records = fitted.fit_data(estimation, validation, declared.driven_by)
     with Progress("identify", progress if method == "free_run" else False) as bar:
         bar.span(0.0, 0.4)

@@ -187,6 +187,13 @@ def model(
     return Model(kind, declared, base and base.with_values(changes), changes, notes)
 
 
+def declared_of(model: Model) -> DeclaredModel:
+    """What a model declares; ShakeError where it is none, such as its name."""
+    if not isinstance(model, Model):
+        raise ShakeError(f"model: expected a Model, such as sr.model({UNKNOWN!r}), not {model!r}")
+    return model.declared
+
+
 def _unknown(table: str | Path | TableParameters | None, changes: Mapping[str, float]) -> Model:
     """The model of a table that leaves numbers open; a number that is set is exact."""
     if isinstance(table, TableParameters):

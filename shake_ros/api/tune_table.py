@@ -228,10 +228,10 @@ def tune_table(
         if law not in LAWS:
             raise unknown_name("law", law, LAWS)
     content, s = load_robust(str(settings))
-    if not isinstance(table, TableParameters):
+    if isinstance(table, str | Path):
         beside = find("table", str(table)).with_name(UNCERTAINTY)
-        table = load_table(str(table))
         uncertainty = uncertainty or (read_uncertainty(beside) if beside.is_file() else None)
+    table = load_table(table)
     if table.layout is not FULL_LAYOUT:
         raise ShakeError(f"tune needs a table with a valve and hydraulics, not one of the model {table.layout.name}")
     with Progress("tune", progress) as bar:

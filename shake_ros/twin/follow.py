@@ -201,11 +201,10 @@ def follow(
     ShakeError
         A recording lacks a topic, sample times differ, too little moves, or the table is another one.
     """
-    found = recordings(runs)
+    declared, found = load_table(table), recordings(runs)
     if not found:
         raise ShakeError("no recording to follow")
     chosen = load_twin(settings) if isinstance(settings, str) else settings
-    declared = table if isinstance(table, TableParameters) else load_table(str(table))
     twin = Twin(declared, chosen, found[0].sample_time)
     windows, latest = list[TwinWindow](), list[TwinWindow]()
     done, total = 0, sum(len(r) for r in found)

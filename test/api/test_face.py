@@ -5,11 +5,14 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 import shake_ros
+from shake_ros.quantities import ShakeError
 
 ROOT = Path(shake_ros.__file__).resolve().parent.parent
 HEAVY = {"rclpy", "numba", "numpy", "scipy", "matplotlib", "rosbags", "tqdm"}
@@ -52,3 +55,15 @@ def test_no_name_brings_ros_or_plotting() -> None:
     )
     printed = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)
     assert not {"rclpy", "matplotlib"} & set(printed.stdout.split())
+
+
+@pytest.mark.parametrize("verb", [shake_ros.close_loop, shake_ros.identify])
+def test_a_model_given_by_its_name_is_refused_in_one_line(verb: Callable[..., object]) -> None:
+    with pytest.raises(ShakeError, match=r"model: expected a Model, such as sr.model\('unknown'\), not 'full'$"):
+        verb("full", "runs", "others")
+
+
+@pytest.mark.parametrize("verb", [shake_ros.commission, partial(shake_ros.follow, "runs")])
+def test_a_model_in_the_place_of_a_table_is_refused_in_one_line(verb: Callable[..., object]) -> None:
+    with pytest.raises(ShakeError, match=r"table: expected a name, a file or a table, not a Model$"):
+        verb(table=shake_ros.model())
