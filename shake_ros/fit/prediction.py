@@ -377,7 +377,7 @@ def start_state(vector: np.ndarray, s: Segment) -> np.ndarray:
     gained = late * a if math.isfinite(a) else 0.0
     state = moving_state(table, float(s.position[0]) + moved, s.velocity + gained, a, s.command_before)
     state[LAGGED_POSITION] -= moved
-    remember(table, state, s.past, s.dt)
+    remember(table, state, s.past, s.slid, s.dt)
     state[CLOCK] = s.begin
     return state
 

@@ -40,6 +40,7 @@ SHORTEST = 1.0  # a part of a recording that is shorter than this tells nothing 
 SETTLE = 0.5  # start of a recording that is simulated but not compared [s]: pressures are not known there …
 AT_REST = 0.01  # … and found by correcting the run towards the motion, unless it rests at first: over this time [s] …
 QUIET = 4.0  # … its velocity is below so many times its noise
+SETTING_OUT = 0.1  # part of its root mean square below which a recording sets out from rest without noise
 OVER = 0.8  # of the samples that a band needs where a filter ended at its highest frequency at once
 LONGER = 3.0
 MODEL_FLOOR = 2e-3  # part of a channel's rms that counts as noise at least
@@ -79,7 +80,8 @@ class Record:
         the valve that models have added to the commands [-]. run : number of the recording, of those that are learned
         from and then those held out. own : what a force-driven axis takes from this recording
         for itself, see axis_model.py. explained : where the command explains the response; None: everywhere.
-        past : velocity before the first sample, which friction's film and a specimen remember, shape (k,) [m/s].
+        past : velocity before the first sample, which friction's film and a specimen remember, shape (k,) [m/s]; empty
+        where it is not known.
     position_measured : False where the position is the acceleration integrated (signals/velocity_filter.py): runs
         begin there and volumes follow it, but it is never compared.
     """
@@ -154,6 +156,14 @@ class Record:
         return self.motion[: self.start] if self.moved and not self._begins_at_rest() else UNSEEN
 
     @property
+    def slid(self) -> np.ndarray:
+        """Velocity before the first sample as a film of friction has felt it, shape (k,) [m/s]: where a recording
+        begins in a motion of which nothing is known, it has been like what follows.
+        """
+        setting_out = self._first_speed < SETTING_OUT * math.sqrt(np.mean(self.velocity**2))
+        return self.past if len(self.past) or setting_out or self._begins_at_rest() else self.velocity[::-1]
+
+    @property
     def correction(self) -> float:
         """Rate at which its beginning corrects a run [1/s]; 0: a falling one, but for a table that is shaken."""
         return 0.0 if self.explained is None else FIRST_RATE
@@ -164,9 +174,12 @@ class Record:
         other.__dict__["motion"] = motion
         return other
 
+    @property
+    def _first_speed(self) -> float:
+        return math.sqrt(np.mean(self.velocity[: max(3, round(AT_REST / self.sample_time))] ** 2))
+
     def _begins_at_rest(self) -> bool:
-        first = self.velocity[: max(3, round(AT_REST / self.sample_time))]
-        return bool(math.sqrt(np.mean(first**2)) < QUIET * self.velocity_noise())
+        return self._first_speed < QUIET * self.velocity_noise()
 
     def acceleration_left(self, simulated: np.ndarray) -> np.ndarray:
         """Acceleration measured less that of runs, shape (…, n), from `start` on; 0 where it was not measured."""
@@ -468,7 +481,7 @@ class FullModel(DeclaredModel):
         states = np.array([initial_state(v, record.track[0]) for v in vectors])
         states[:, VELOCITY], states[:, CLOCK] = record.velocity[0], record.begin
         for vector, state in zip(vectors, states, strict=True):
-            remember(vector, state, record.past, record.sample_time)
+            remember(vector, state, record.past, record.slid, record.sample_time)
         return states
 
     def moved_mass(self, table: TableParameters) -> float:

@@ -29,6 +29,7 @@ class Segment:
     position_measured : False where the position is the acceleration integrated.
     pressure : of chamber A less that of B [Pa]; None where it was not measured.
     begin : time of the first sample since the recording's start [s]. past : velocity before it, shape (k,) [m/s].
+    slid : the same as a film of friction has it, shape (k,) [m/s].
     noise : standard deviation of the noise of position [m], acceleration [m/s²] and, if measured, pressure [Pa].
     """
 
@@ -44,6 +45,7 @@ class Segment:
     noise: tuple[float, ...]
     pressure: Array | None = None
     past: Array = field(default_factory=lambda: np.zeros(0))
+    slid: Array = field(default_factory=lambda: np.zeros(0))
     position_measured: bool = True
 
     @classmethod
@@ -70,6 +72,7 @@ class Segment:
             noise,
             record.pressure,
             record.past,
+            record.slid,
             record.position_measured,
         )
 

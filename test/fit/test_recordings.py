@@ -252,7 +252,10 @@ def test_a_part_of_a_recording_begins_with_the_film_of_friction_that_its_past_ha
     assert begun[FILM] == pytest.approx(
         np.sum(steady * left) * (1.0 - np.exp(-0.001 / film["time_constant"])), rel=0.01
     )
+    alone = replace(part, past=np.zeros(0))  # a recording that begins in a motion like what it shows
+    assert FULL.begun(table.vector()[None, :], alone)[0, FILM] == pytest.approx(begun[FILM], rel=0.3)
+    assert FULL.begun(table.vector()[None, :], whole)[0, FILM] == 0.0  # and one that begins at rest
     true, kept, lost = (r[-2000:, 2] for r in (
-        run(table, command, 0.001), FULL.run(table, part), FULL.run(table, replace(part, past=np.zeros(0)))
+        run(table, command, 0.001), FULL.run(table, part), FULL.run(table, replace(part, past=np.zeros(1)))
     ))  # fmt: skip
     assert np.std(kept - true) < 0.2 * np.std(lost - true)

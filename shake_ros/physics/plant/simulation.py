@@ -72,16 +72,16 @@ def initial_state(vector: np.ndarray, position: float = 0.0) -> np.ndarray:
     return y
 
 
-def remember(vector: np.ndarray, y: np.ndarray, past: np.ndarray, sample_time: float) -> None:
+def remember(vector: np.ndarray, y: np.ndarray, past: np.ndarray, slid: np.ndarray, sample_time: float) -> None:
     """Give a state what a motion has left, in place: the film of friction, and the specimen's swaying.
 
     Parameters
     ----------
     vector : parameters in the order of `parameters.NAMES`. past : velocity before the state's instant, (n,) [m/s].
-    sample_time : of it [s].
+    slid : the same as the film has it, (m,) [m/s]. sample_time : of both [s].
     """
-    if vector[INDEX["effects.film_friction.relief"]] and len(past):
-        y[FILM] = film_after(records(vector)[0], past, sample_time)
+    if vector[INDEX["effects.film_friction.relief"]] and len(slid):
+        y[FILM] = film_after(records(vector)[0], slid, sample_time)
     if vector[INDEX["effects.specimen_resonance.mass"]] and len(past):
         y[SPECIMEN], y[SPECIMEN_RATE] = specimen_after(records(vector)[0], np.append(past, y[VELOCITY]), sample_time)
 
