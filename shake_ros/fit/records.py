@@ -155,7 +155,7 @@ class Record:
         """
         return self.motion[: self.start] if self.moved and not self._begins_at_rest() else UNSEEN
 
-    @property
+    @cached_property
     def slid(self) -> np.ndarray:
         """Velocity before the first sample as a film of friction has felt it, shape (k,) [m/s]: where a recording
         begins in a motion of which nothing is known, it has been like what follows.
