@@ -145,7 +145,7 @@ def table(rng: Any) -> hidden.Truth:
 def laboratory(truth: hidden.Truth, rng: Any) -> Laboratory:
     """A laboratory for a table."""
     rate = float(rng.choice(RATES))
-    gain = truth.flow * math.sqrt(0.5 * (truth.supply - truth.tank)) / truth.area
+    gain = truth.velocity_gain
     volts = float(rng.choice([1.0, 10.0]))
     return Laboratory(rate, volts, 0.4 * rate, 2.0 ** rng.integers(-18, -15), 3e-6, 0.9 / gain, 2.0 / gain)
 
@@ -171,9 +171,8 @@ def reference(name: str, truth: hidden.Truth, rate: float, seconds: float, rng: 
 
 def usual(truth: hidden.Truth) -> dict[str, float]:
     """The largest position [m], velocity [m/s] and acceleration [m/s²] of a laboratory's usual tests."""
-    drop, level = truth.supply - truth.tank, max(LEVELS.values())
-    velocity = level * truth.flow * math.sqrt(0.5 * drop) / truth.area
-    return {"position": 0.06, "velocity": velocity, "acceleration": level * drop * truth.area / truth.mass}
+    level, reach = max(LEVELS.values()), (truth.supply - truth.tank) * truth.area / truth.mass
+    return {"position": 0.06, "velocity": level * truth.velocity_gain, "acceleration": level * reach}
 
 
 def record(

@@ -123,6 +123,11 @@ class Truth(NamedTuple):
     rumble: float = 0.0  # process noise: rms of a random force on the table that no command tells [N]
     rumble_rate: float = 125.0  # at which that force forgets itself [1/s]
 
+    @property
+    def velocity_gain(self) -> float:
+        """Velocity of the unloaded table per full command [m/s]."""
+        return self.flow * math.sqrt(0.5 * (self.supply - self.tank)) / self.area
+
 
 @dataclass(frozen=True)
 class Hidden:

@@ -127,9 +127,7 @@ class DeclaredTable(HiddenTable):
         return self._played("quake_1", self.command[:split]), self._played("quake_2", self.command[split:])
 
     def follow(self, motion: np.ndarray) -> Recordings:
-        t = self.truth
-        gain = t.flow * np.sqrt(0.5 * (t.supply - t.tank)) / t.area
-        return self.excite(np.asarray(motion[:, 1] / gain + hidden.LOOP_GAIN * motion[:, 0]))
+        return self.excite(np.asarray(motion[:, 1] / self.truth.velocity_gain + hidden.LOOP_GAIN * motion[:, 0]))
 
     def excite(self, command: np.ndarray) -> Recordings:
         return self.kept(self._played(f"next_{len(self.reached)}", command))

@@ -116,8 +116,7 @@ def bench(table: str, seed: int) -> Bench:
         force = RUMBLE * (truth.supply - truth.tank) * truth.area
         frequency = float(rng.uniform(4.0, 9.0))
         truth = truth._replace(rumble=force, specimen_resonance=SPECIMEN, specimen_frequency=frequency)
-    gain = truth.flow * math.sqrt(0.5 * (truth.supply - truth.tank)) / truth.area
-    plain = foreign.Laboratory(1.0 / hidden.SAMPLE, 1.0, 0.0, 0.0, 0.0, 1.0 / gain, hidden.LOOP_GAIN)
+    plain = foreign.Laboratory(1.0 / hidden.SAMPLE, 1.0, 0.0, 0.0, 0.0, 1.0 / truth.velocity_gain, hidden.LOOP_GAIN)
     return Bench(truth, _found(truth, rng), plain)
 
 
