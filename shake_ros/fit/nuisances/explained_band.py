@@ -80,8 +80,8 @@ def limited(records: Sequence[Record], band: float, learnt: Sequence[Record] = (
         told = own.terms @ np.linalg.lstsq(square, right, rcond=None)[0]
         # another motion's filter may not fit
         levels = np.minimum(np.std(own.signals - told, axis=0), np.std(own.signals, axis=0))
-        beyond = float(np.std(_felt(r) - own.signals[:, 1]))
         signals = _signals(r)
+        beyond = float(np.std(signals[:, 1] - own.signals[:, 1]))
         left = signals - signals.mean(axis=0) - told
         lines, gains = _whitening(left, r, band)
         below = low_pass(left.T, r.sample_time, band)

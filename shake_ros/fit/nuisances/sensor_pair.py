@@ -24,13 +24,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from scipy.signal import csd, welch
 
 from shake_ros.fit.records import Record
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.physics.plant.sensors import FILTER_DELAY
 from shake_ros.quantities import ShakeError
-from shake_ros.signals.frequency_response import SHORTEST, frequency_response
+from shake_ros.signals.frequency_response import SHORTEST, FrequencyResponse, frequency_response
 
 WINDOW = 4.0  # of the response [s]
 LOWEST, HIGHEST = 1.0, 40.0  # lines that are looked at [Hz]
@@ -119,15 +118,22 @@ Lines = tuple[NDArray[np.float64], NDArray[np.complex128], NDArray[np.float64]]
 ALIKE = SensorPair()  # sensors that tell nothing of each other
 
 
+def from_position(record: Record, answer: NDArray[np.float64] | None) -> FrequencyResponse | None:
+    """Response from the position to another signal; None without either, and of a recording that is too short."""
+    seconds = len(record.position) * record.sample_time
+    if answer is None or not record.position_measured or seconds < 4.0 * SHORTEST * record.sample_time:
+        return None
+    window = max(min(WINDOW, 0.4 * seconds), SHORTEST * record.sample_time)
+    return frequency_response(record.position, answer, record.sample_time, window)
+
+
 def between_sensors(records: Sequence[Record]) -> Lines:
     """Angular frequency [rad/s], acceleration per second derivative of the position [-], weights; of coherent lines."""
     lines, values, weights = [], [], []
     for record in records:
-        seconds = len(record.position) * record.sample_time
-        if record.acceleration is None or not record.position_measured or seconds < 4.0 * SHORTEST * record.sample_time:
+        found = from_position(record, record.acceleration)
+        if found is None:
             continue
-        window = max(min(WINDOW, 0.4 * seconds), SHORTEST * record.sample_time)
-        found = frequency_response(record.position, record.acceleration, record.sample_time, window)
         f = found.frequency
         use = (f >= LOWEST) & (f <= min(HIGHEST, 0.35 / record.sample_time)) & (found.coherence > COHERENT)
         use &= found.leaked < LEAKED
@@ -307,15 +313,11 @@ def pressed_in_time(records: Sequence[Record], late: float) -> bool:
     not.
     """
     alike = np.zeros(2)
-    for r in records:
-        if r.pressure is not None and r.position_measured:
-            rate, signals = 1.0 / r.sample_time, (r.position[r.start :], r.pressure[r.start :])
-            n = min(round(WINDOW * rate), len(signals[0]))
-            f, cross = csd(*signals, rate, nperseg=n)
-            power = np.prod([welch(each, rate, nperseg=n)[1] for each in signals], axis=0)
-            both = (f > LOWEST) & (power > 0.0)
-            phased = cross[both] * np.exp(2j * np.pi * f[both] * np.array([[0.0], [late]]))
-            alike += np.sum(phased.real**2 / power[both], axis=1)
+    for record in records:
+        found = from_position(record, record.pressure)
+        if found is not None:
+            phase = np.angle(found.response) + 2.0 * np.pi * found.frequency * np.array([[0.0], [late]])
+            alike += np.sum((found.coherence * np.cos(phase) ** 2)[:, found.frequency >= LOWEST], axis=1)
     return bool(alike[0] > alike[1])
 
 

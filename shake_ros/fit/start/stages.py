@@ -85,11 +85,11 @@ def staged_start(
         data = data.below(band)
     free = [*free, *null_shifts_of(len({r.run for r in data.estimation}), free)]
     first = _first_fit(model, free, effects, data, progress)
-    late = not pressed_in_time(data.estimation, data.delay) and quicker_than_sensor(first.best.table, data.delay)
-    if late and not data.ahead:
+    early = not data.ahead and quicker_than_sensor(first.best.table, data.delay)
+    if early and not pressed_in_time(data.estimation, data.delay):
         progress("first fit: the position may be early, not the acceleration late", 0.0)
-        early = moved_ahead(data, data.delay, pressure=True)
-        other = _first_fit(model, free, effects, early, progress, first.mode)
+        moved = moved_ahead(data, data.delay, pressure=True)
+        other = _first_fit(model, free, effects, moved, progress, first.mode)
         first = min(first, other, key=attrgetter("best.cost"))
     data, pieces, best, shown = first.data, first.pieces, first.best, first.shown
     between = tuple(e for e in shown if e in BETWEEN_SENSORS)
