@@ -38,9 +38,11 @@ from shake_ros.experiment_design.further_sensors import FurtherSensor, WithSenso
 from shake_ros.experiment_design.motions import Excitation
 from shake_ros.explain.experiments import PAYLOAD, widening
 from shake_ros.fit.free_parameters import FreeParameters
+from shake_ros.fit.identified import damping
 from shake_ros.fit.least_squares import LOST, Adjustment, Fit, jacobian
 from shake_ros.fit.recording_problem import RecordingProblem
 from shake_ros.fit.records import DeclaredModel, Record
+from shake_ros.physics.plant.linearisation import oil_column_frequency
 from shake_ros.repair.rival_models import RivalModel
 from shake_ros.safety.causes import InterlockParameters
 from shake_ros.safety.rehearsal import WatchedRun, first_trip
@@ -54,7 +56,7 @@ ENOUGH = math.log(1000.0)  # gain in log likelihood at which a rival counts as s
 ODDS = math.exp(-HARDLY)  # of an absent effect that is as strong as the recordings leave possible
 HALVED = math.log(4.0)  # growth of the information on a strength that halves its deviation, on a logarithmic scale
 OVERHEAD = 4.0  # of a run beside its motion, in seconds of excitation: many short runs are no gain
-FOLLOWED = 12.0  # bandwidth of the plain loop by which a motion is predicted [rad/s]
+FOLLOWED = 12.0  # bandwidth of the plain loop by which a motion is predicted, at most [rad/s]
 COMMAND = 0.9  # largest valve command that a motion may need [-]
 NOTHING = np.zeros(0)
 STEPS = 8  # by which a motion that is too large gets smaller, each by the root of two
@@ -179,10 +181,14 @@ class Designer:
         return Record(name, like.sample_time, run.command[:half], seen, felt, load, cutoff=like.cutoff)
 
     def _allowed(self, rival: Rival, samples: Array) -> ClosedLoop | None:
-        """A model under a plain loop; None where it leaves the limits or the interlock would hold it."""
-        gain = envelope(self.found.fit.table).velocity
+        """A model under a plain loop; None where it leaves the limits or the interlock would hold it.
+
+        The loop has half the gain at which the oil column would ring, 2 ζ ω_h, if it has no more damping than at rest.
+        """
+        table = self.found.fit.table
+        gain, bandwidth = envelope(table).velocity, min(FOLLOWED, damping(table) * oil_column_frequency(table))
         law = FeedforwardPI(
-            limit=1.0, start_time=0.0, model_bandwidth=100.0, model_horizon=0.004, proportional_gain=-FOLLOWED / gain,
+            limit=1.0, start_time=0.0, model_bandwidth=100.0, model_horizon=0.004, proportional_gain=-bandwidth / gain,
             integral_gain=0.0, feedforward_gain=1.0 / gain,
         )  # fmt: skip
         controller = Controller("feedforward_pi", law, self.like.sample_time)

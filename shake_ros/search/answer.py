@@ -70,8 +70,9 @@ def answer(
     sensors = {} if pressure is None else {SENSOR_SCALE: pressure}
     by_filter = filter_of(estimation[0]).by_filter if filtered else 0.0
     if unknown and isinstance(data.estimation, SlowRuns) and estimation[0].position_measured:
-        # Else they are as the sensors show: beside a random force a predictor gains by a filter that is too slow
         sensors |= {SENSOR_DELAY: 0.0, SENSOR_FILTER: by_filter}
+    elif by_filter > 0.0:
+        sensors |= {SENSOR_FILTER: by_filter}  # beside a lag it is another than that which the first fit has taken
     begin = beginning(model, sensors, by_filter, apart=(NULL_SHIFT,) if filtered else ())
     models, others, done = list[Scored](), dict[str, list[Scored]](), False
     with failures.step("search"):
@@ -91,7 +92,8 @@ def answer(
     best = models[-1].model if models else begin
     found = tuple(known[c.name] for c in best.effects)
     shifts = null_shifts(data, models[-1].data, [*estimation, *validation]) if models else {}
-    nuisances = NuisanceEstimates(shifts=shifts)
+    behind = filter_of(estimation[0]).reformed(best.value(SENSOR_FILTER.name)) if by_filter > 0.0 else None
+    nuisances = NuisanceEstimates(behind, shifts=shifts)
     return GivenAnswer(best.found_table(), found, rivals, reduced, not done, type(data.estimation), nuisances)
 
 

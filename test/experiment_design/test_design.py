@@ -108,6 +108,15 @@ def test_a_motion_that_any_rival_would_take_beyond_the_limits_is_left_out(table,
     assert with_absent.best([smaller], lambda *_: None).motion.part < 0.5  # a smaller neighbour of it
 
 
+def test_a_motion_of_a_table_with_little_damping_is_not_made_smaller_as_its_loop_would_ring(table, small_motion):
+    body = {"body.table_mass": 1300.0, "body.specimen_mass": 0.0, "body.piston_area": 1e-3, "valve.underlap": 0.006}
+    volume = {"body.cylinder_volume": 3.1e-4, "bulk_modulus.modulus": 7.2e8, "valve.flow_coefficient": 4e-7}
+    light = {"leakage.internal": 6e-13, "friction.coulomb_level": 130.0, "friction.stribeck_rise": 40.0}
+    designer = Designer.of(FULL, fit_of(table.with_values(body | volume | light)), [], LIMITS, small_motion)
+    for motion in (m for m in library() if m.part == 0.15 and m.kind in ("multisine", "random", "pulses")):
+        assert designer.predicted(motion).motion.part == motion.part
+
+
 @pytest.fixture(scope="module")
 def drooping(table, small_motion):
     """A table whose supply gives way, which its interlock takes for a valve that does not answer."""

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from hidden_table import SAMPLE_TIME, Hidden, record
+from scipy.signal import bilinear, butter, lfilter
 
 from benchmarks.discovery import hidden_tables
 from shake_ros.declared import effect_candidates, model_structure
@@ -19,6 +20,8 @@ from shake_ros.fit.prediction import Predictor
 from shake_ros.fit.records import Record
 from shake_ros.fit.segment import Segment, pieces
 from shake_ros.fit.solver import Budget
+from shake_ros.fit.start.unknown_model import UnknownModel
+from shake_ros.physics.plant.sensors import FILTER_DELAY
 from shake_ros.search.answer import DECLARED, answer, beginning, null_shifts
 from shake_ros.search.candidates import listed
 from shake_ros.search.loop import LONG, Contender, SearchData, SetSearch, best_half, evidence
@@ -159,3 +162,25 @@ def contender(names: str, left: float, gain: float) -> Contender:
 )
 def test_which_sets_are_fitted_further(field: list[tuple[str, float, float]], kept: list[str]) -> None:
     assert ["".join(c.of.names) for c in best_half([contender(*c) for c in reversed(field)])] == kept
+
+
+def test_a_lag_that_the_first_fit_has_taken_for_the_filter_is_named() -> None:
+    """An accelerometer with a lag of 2 ms behind a filter of 200 Hz, which the first fit has taken for one filter."""
+    lag, delay = 2e-3, FILTER_DELAY / 200.0
+    smooth, slow = butter(2, 200.0, fs=1.0 / SAMPLE_TIME), bilinear([1.0], [lag, 1.0], 1.0 / SAMPLE_TIME)
+    runs = []
+    for seed in (1, 2):
+        made = record(seed, 4.0, Hidden())
+        felt = lfilter(*slow, lfilter(*smooth, made.acceleration))
+        felt += 0.05 * np.random.default_rng(seed).standard_normal(len(felt))
+        late = {"delay": delay + lag, "cutoff": FILTER_DELAY / (delay + lag)}
+        runs.append(Record(f"run{seed}", SAMPLE_TIME, made.commands, made.position, felt, **late))
+    structure = model_structure(load_table("bergamo").with_values({"body.specimen_mass": 200.0}))
+    among = ("accelerometer_lag", "base_flexibility", "soft_zone")
+    candidates = tuple(c for c in effect_candidates() if c.effect in among)
+    structure = replace(structure, simulator=UnknownModel(structure.table), candidates=candidates)
+    found = answer(structure, runs[:1], runs[1:], Budget(), lambda _: None)
+    assert [c.effect for c in found.effects] == ["accelerometer_lag"]
+    assert found.nuisances.behind is not None
+    assert found.nuisances.behind.by_filter == pytest.approx(delay, abs=4e-4)
+    assert found.table.value("effects.accelerometer_lag.time_constant") == pytest.approx(lag, abs=4e-4)

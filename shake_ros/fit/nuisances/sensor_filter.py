@@ -56,6 +56,10 @@ class SensorFilter:
         part = self.by_filter / self.delay if self.delay else 0.0
         return SensorFilter(self.delay + time, max(self.by_filter + part * time, 0.0))
 
+    def reformed(self, by_filter: float) -> SensorFilter:
+        """One with another filter, which delays by a time [s], and the same pure delay."""
+        return SensorFilter(self.pure + by_filter, by_filter)
+
     def applied(self, record: Record) -> Record:
         """The recording with the pure delay taken out; the filter's stays, for the simulation to have it as well."""
         present = filter_of(record)
