@@ -30,7 +30,7 @@ from shake_ros.physics.plant.simulation import (
     run,
     run_batch,
 )
-from shake_ros.physics.plant.states import CLOCK, VELOCITY
+from shake_ros.physics.plant.states import CLOCK, SPECIMEN, SPECIMEN_RATE, VELOCITY
 from shake_ros.quantities import ShakeError
 from shake_ros.signals.noise import periodic_deviation, resolution, white_deviation
 from shake_ros.signals.stretches import energies
@@ -45,6 +45,11 @@ OVER = 0.8  # of the samples that a band needs where a filter ended at its highe
 LONGER = 3.0
 MODEL_FLOOR = 2e-3  # part of a channel's rms that counts as noise at least
 TRANSDUCER_CLASS = 0.01  # the same of a pressure: gain and linearity of common transducers
+SWAY, SWAY_MOST = 1e-3, 100.0  # of a specimen: that is tried [m], and at most, over the motion of its table
+SWAY_STEPS, SWAY_FOUND = 6, 0.03  # in which it is found, and part of it by which the last one changes it
+SPECIMEN_MASS, SPECIMEN_FREQUENCY = (
+    FULL_LAYOUT.index[f"effects.specimen_resonance.{n}"] for n in ("mass", "frequency")
+)
 MOTION, CHAMBERS = (1, 2), (COLUMNS.index("pressure_a"), COLUMNS.index("pressure_b"))
 
 
@@ -160,8 +165,13 @@ class Record:
         """Velocity before the first sample as a film of friction has felt it, shape (k,) [m/s]: where a recording
         begins in a motion of which nothing is known, it has been like what follows.
         """
+        return self.velocity[::-1] if self.begins_in_motion else self.past
+
+    @cached_property
+    def begins_in_motion(self) -> bool:
+        """Whether it begins in a motion of which nothing is known."""
         setting_out = self._first_speed < SETTING_OUT * math.sqrt(np.mean(self.velocity**2))
-        return self.past if len(self.past) or setting_out or self._begins_at_rest() else self.velocity[::-1]
+        return not (len(self.past) or setting_out or self._begins_at_rest())
 
     @property
     def correction(self) -> float:
@@ -442,19 +452,23 @@ class FullModel(DeclaredModel):
 
     def compared(self, vectors: np.ndarray, record: Record, injection: float = 0.0) -> Compared:
         """Velocity, acceleration and, where it was measured, the load pressure."""
-        measured = record.motion if injection > 0.0 else record.beginning
-        out = run_batch(
-            *(vectors, self.begun(vectors, record), record.commands, record.sample_time),
+        out = self._ran(vectors, self.begun(vectors, record), record, injection)
+        pressure = None if record.pressure is None else out[:, :, 2] - out[:, :, 3]
+        return Compared(out[:, :, 0], out[:, :, 1], None, pressure)
+
+    @staticmethod
+    def _ran(vectors: np.ndarray, states: np.ndarray, record: Record, injection: float = 0.0) -> np.ndarray:
+        """Motion, and the pressures where they were measured, of rows of parameters from these states."""
+        return run_batch(
+            *(vectors, states, record.commands, record.sample_time),
             track=record.track,
             command_before=record.command_before,
-            measured=measured,
+            measured=record.motion if injection > 0.0 else record.beginning,
             injection=injection or record.correction,
             cutoff=record.cutoff,
             columns=MOTION if record.pressure is None else MOTION + CHAMBERS,
             tolerance=SMOOTH,
         )
-        pressure = None if record.pressure is None else out[:, :, 2] - out[:, :, 3]
-        return Compared(out[:, :, 0], out[:, :, 1], None, pressure)
 
     def run(self, table: TableParameters, record: Record) -> np.ndarray:
         """Free run with the columns of plant.simulation.COLUMNS."""
@@ -475,14 +489,38 @@ class FullModel(DeclaredModel):
             tolerance=SMOOTH,
         )
 
-    @staticmethod
-    def begun(vectors: np.ndarray, record: Record) -> np.ndarray:
+    def begun(self, vectors: np.ndarray, record: Record) -> np.ndarray:
         """States of rows of parameters at the first sample of a recording, shape (m, STATES)."""
         states = np.array([initial_state(v, record.track[0]) for v in vectors])
         states[:, VELOCITY], states[:, CLOCK] = record.velocity[0], record.begin
         for vector, state in zip(vectors, states, strict=True):
             remember(vector, state, record.past, record.slid, record.sample_time)
+        sway = np.flatnonzero(vectors[:, SPECIMEN_MASS] > 0.0)
+        if len(sway) and record.begins_in_motion and record.acceleration is not None and record.explained is None:
+            states[sway] = self._swaying(vectors[sway], states[sway], record)
         return states
+
+    def _swaying(self, vectors: np.ndarray, states: np.ndarray, record: Record) -> np.ndarray:
+        """States with the specimen's sway that explains most of the beginning of what is compared (Gauss-Newton)."""
+        first, found = record.part(slice(0, 4 * record.start)), states.copy()  # which has the same start
+        own, omega = [SPECIMEN, SPECIMEN_RATE], 2.0 * math.pi * vectors[:, SPECIMEN_FREQUENCY]
+        most = SWAY_MOST * float(np.std(first.felt)) * np.column_stack([omega**-2.0, 1.0 / omega])
+        if len(states) > 1:
+            found[:, own] = self._swaying(vectors[:1], states[:1], record)[:, own]
+        for _ in range(SWAY_STEPS):
+            tried = np.repeat(found, 3, axis=0)
+            tried[1::3, SPECIMEN] += SWAY
+            tried[2::3, SPECIMEN_RATE] += SWAY * omega
+            made = self._ran(np.repeat(vectors, 3, axis=0), tried, first)[:, :, 1]
+            left = np.nan_to_num(first.acceleration_left(made), posinf=0.0, neginf=0.0)
+            rest, *swayed = left.reshape(len(found), 3, -1).swapaxes(0, 1)
+            slopes = rest[:, None] - np.stack(swayed, axis=1)
+            parts = np.array([np.linalg.lstsq(j.T, r, rcond=1e-6)[0] for j, r in zip(slopes, rest, strict=True)])
+            found += np.einsum("ij,ijk->ik", parts, tried.reshape(len(found), 3, -1)[:, 1:] - found[:, None])
+            found[:, own] = np.clip(found[:, own], -most, most)
+            if np.max(np.abs(parts)) < SWAY_FOUND:
+                break
+        return found
 
     def moved_mass(self, table: TableParameters) -> float:
         """Declared mass in motion [kg]."""
