@@ -1,20 +1,21 @@
 """The motion that tells rival models apart: expected growth of the evidence, within what the table may do.
 
 If the model found is true, the recording of a motion is what this model predicts. A rival fitted to it as well moves
-its parameters by δ, against what the recordings at hand say of them, and leaves d − J δ of the difference d. The
-expected gain in log likelihood over the rival is half of the squares that are left,
+its parameters by δ, against what the recordings at hand say of them, and leaves d(δ) of the difference d. The expected
+gain in log likelihood over the rival is half of the squares that are left,
 
-    E = ½ min_δ (‖d − J δ‖² + ‖J₀ δ‖²) / w,
+    E = ½ min_δ (‖d(δ)‖² + ‖J₀ δ‖²) / w,
 
 all residuals weighted by the noise; w is the widening of the rival's variances on the recordings at hand, by which
-residuals that are correlated, or above the sensor noise, count less. Rivals are the answers that a search has left open
-and every effect that the model found lacks, as strong as the recordings leave possible: a motion that distinguishes
-these shows what no recording has shown. What is gained over a rival counts up to the odds that settle it. What is
-gained over an absent effect weakens what remains possible, so its logarithm counts, as a mean over the effects, with
-the odds of 1 : 10 up to which a trial counts as possible.
+residuals that are correlated, or above the sensor noise, count less. The motions of the library are compared to first
+order, d(δ) = d − J δ; that promises up to a hundred times too much, so the rivals are fitted to the most promising
+ones. Rivals are the answers that a search has left open and every effect that the model found lacks, as strong as the
+recordings leave possible: a motion that distinguishes these shows what no recording has shown. What is gained over a
+rival counts up to the odds that settle it. What is gained over an absent effect weakens what remains possible, so its
+logarithm counts, as a mean over the effects, with the odds of 1 : 10 up to which a trial counts as possible.
 
-A table that sticks and breaks away answers the least change of a parameter with another motion, which no linear δ
-follows. So the model found itself, its parameters moved within their own uncertainty, is held against itself in the
+A table that sticks and breaks away answers the least change of a parameter with another motion, which no fit follows to
+its end. So the model found itself, its parameters moved within their own uncertainty, is held against itself in the
 same way: what a motion gains over that counts.
 Source: A. Atkinson, V. Fedorov, The design of experiments for discriminating between two rival models, Biometrika 62
 (1975) 57; with the information J₀ᵀJ₀ that is there already.
@@ -23,7 +24,7 @@ Source: A. Atkinson, V. Fedorov, The design of experiments for discriminating be
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
 
@@ -39,7 +40,7 @@ from shake_ros.experiment_design.motions import Excitation
 from shake_ros.explain.experiments import PAYLOAD, widening
 from shake_ros.fit.free_parameters import FreeParameters
 from shake_ros.fit.identified import damping
-from shake_ros.fit.least_squares import LOST, Adjustment, Fit, jacobian
+from shake_ros.fit.least_squares import LOST, Adjustment, Fit, fit, jacobian
 from shake_ros.fit.recording_problem import RecordingProblem
 from shake_ros.fit.records import DeclaredModel, Record
 from shake_ros.physics.plant.linearisation import oil_column_frequency
@@ -59,8 +60,11 @@ OVERHEAD = 4.0  # of a run beside its motion, in seconds of excitation: many sho
 FOLLOWED = 12.0  # bandwidth of the plain loop by which a motion is predicted, at most [rad/s]
 COMMAND = 0.9  # largest valve command that a motion may need [-]
 NOTHING = np.zeros(0)
+Compared = tuple[Array, Array, Array, float]  # as `gained` takes them
 STEPS = 8  # by which a motion that is too large gets smaller, each by the root of two
-CLOSE = 6  # motions whose evidence is worked out with each rival's own Jacobian
+CLOSE = 3  # motions to which the rivals are fitted, before the best of them is varied
+VARIED = 2  # motions a step about the best one to which they are
+EVALUATIONS, TOLERANCE = 6, 1e-2  # of such a fit
 BOTH = math.sqrt(2.0)  # of weighted residuals: the second half of a motion tells as much as the first
 
 
@@ -207,20 +211,20 @@ class Designer:
         columns = position, acceleration, supply, run.command, run.reference[:, 0]
         return first_trip(interlock, WatchedRun(run.sample_time, *(c.tolist() for c in columns))) is not None
 
-    def separated(self, prediction: PredictedExcitation, *, exact: bool = True) -> PredictedExcitation:
+    def separated(self, prediction: PredictedExcitation, *, refit: bool = True) -> PredictedExcitation:
         """A predicted motion with what it does to each rival; else to first order about the model found."""
         problem = RecordingProblem([prediction.record], self.model)
         compare = ModelComparison.of(problem, self.found)
-        itself = max(gained(*compare.rival(r))[0] for r in self.moved) if exact else 0.0
+        itself = max(gained(*compare.refitted(r))[0] for r in self.moved) if refit else 0.0
 
-        def separation(rival: Rival, exact: bool) -> Separation:
-            gain, left = gained(*compare.rival(rival, exact))
+        def separation(rival: Rival) -> Separation:
+            gain, left = gained(*(compare.refitted(rival) if refit else compare.first_order(rival)))
             return Separation(rival.name, max(gain - itself, 0.0), acceleration_in(problem, left / BOTH))
 
         return replace(
             prediction,
-            separations=tuple(separation(r, exact) for r in self.rivals),
-            absent=tuple(separation(r, False) for r in self.absent),
+            separations=tuple(map(separation, self.rivals)),
+            absent=tuple(map(separation, self.absent)),
         )
 
     def with_sensors(
@@ -229,7 +233,7 @@ class Designer:
         """What it does to the rivals if the table had one of some sensors more, by the sensor's name."""
         problem = WithSensors(RecordingProblem([prediction.record], self.model), sensors, self.found.fit.vector)
         compare, made = ModelComparison.of(problem, self.found), dict[str, tuple[Separation, ...]]()
-        compared = [compare.rival(r) for r in (*self.moved, *self.rivals)]
+        compared = [compare.refitted(r) for r in (*self.moved, *self.rivals)]
         for name, own in problem.columns().items():
             gains = [gained(d[own], slopes[own], known, wide)[0] for d, slopes, known, wide in compared]
             itself, others = max(gains[: len(self.moved)]), gains[len(self.moved) :]
@@ -252,20 +256,34 @@ class Designer:
     def best(self, motions: Sequence[Excitation], progress: Callable[[str, float], None]) -> PredictedExcitation | None:
         """The best of the library and of the motions a step about the best of it; None if all leave the limits."""
         progress("predicting the motions of the library", 0.1)
-        screened = self._worked_out(motions, exact=False)
-        possible = list(islice((p for p in screened if self.harmless(p, self.rivals)), CLOSE))
-        progress("refitting the rivals to the best of them", 0.4)
-        found = self._worked_out([p.motion for p in possible])
-        if found:
-            progress(f"best so far: {found[0].motion}; varying it", 0.7)
-            found = sorted([*found, *self._worked_out(list(found[0].motion.neighbours()))], key=lambda p: -p.rate)
-        return next((p for p in found if self.harmless(p, (*self.rivals, *self.absent))), None)
+        screened, close = self._screened(motions), dict[str, PredictedExcitation]()
+        for p in screened:
+            if len(close) < CLOSE and p.motion.name not in close and self._harmless(p):
+                close[p.motion.name] = p
+        progress("fitting the rivals to the best of them", 0.4)
+        found = self._refitted(close.values())
+        first = (
+            close[found[0].motion.name] if found else next((p for p in screened if self.harmless(p, self.rivals)), None)
+        )
+        if first is not None:
+            progress(f"best so far: {first.motion}; varying it", 0.7)
+            varied = self._screened(list(first.motion.neighbours()))
+            better = (p for p in varied if (p.rate > first.rate or not found) and self._harmless(p))
+            found = sorted([*found, *self._refitted(islice(better, VARIED))], key=lambda p: -p.rate)
+        return found[0] if found else None
 
-    def _worked_out(self, motions: Sequence[Excitation], *, exact: bool = True) -> list[PredictedExcitation]:
-        """The motions, no larger than may be, with what they do to each rival, the best first."""
+    def _harmless(self, prediction: PredictedExcitation) -> bool:
+        return self.harmless(prediction, (*self.rivals, *self.absent))
+
+    def _screened(self, motions: Sequence[Excitation]) -> list[PredictedExcitation]:
+        """The motions, no larger than may be, with what they do to each rival to first order, the best first."""
         predicted = {p.motion: p for p in filter(None, side_by_side(self.predicted, motions))}
-        made = side_by_side(lambda p: self.separated(p, exact=exact), list(predicted.values()))
+        made = side_by_side(lambda p: self.separated(p, refit=False), list(predicted.values()))
         return sorted(made, key=lambda p: -p.rate)
+
+    def _refitted(self, predictions: Iterable[PredictedExcitation]) -> list[PredictedExcitation]:
+        """Predicted motions with what they do to each rival, the best first."""
+        return sorted(side_by_side(self.separated, list(predictions)), key=lambda p: -p.rate)
 
 
 @dataclass(frozen=True)
@@ -284,14 +302,40 @@ class ModelComparison:
         there = linearised(problem, found.fit)
         return cls(problem, found, there.residuals, np.nan_to_num(there.jacobian))
 
-    def rival(self, rival: Rival, exact: bool = True) -> tuple[Array, Array, Array, float]:
-        """What `gained` takes of a rival; unless exact with slopes and information of the model found."""
-        r = self.problem.residuals(rival.fit.vector[None, :])[0]
-        difference = BOTH * np.nan_to_num(r - self.truth)
-        if not exact:
-            return difference, BOTH * self.slopes, self.found.information, rival.wide
-        slopes = BOTH * np.nan_to_num(jacobian(self.problem, rival.fit.free, rival.fit.x, r))
-        return difference, slopes, rival.information, rival.wide
+    def first_order(self, rival: Rival) -> Compared:
+        """What `gained` takes of a rival, with slopes and information of the model found."""
+        difference = BOTH * np.nan_to_num(self.problem.residuals(rival.fit.vector[None, :])[0] - self.truth)
+        return difference, BOTH * self.slopes, self.found.information, rival.wide
+
+    def refitted(self, rival: Rival) -> Compared:
+        """The same about the rival fitted to the motion, by the sensors at hand, and to the recordings at hand."""
+        free, own = rival.fit.free, self.problem.problem if isinstance(self.problem, WithSensors) else self.problem
+        by_own = RivalProblem(own, self.truth[: own.count + len(own.model.priors)], rival)
+        x = fit(by_own, free, rival.fit.x, evaluations=EVALUATIONS, tolerance=TOLERANCE).x
+        r = self.problem.residuals(free.vectors(x))[0]
+        slopes = BOTH * np.nan_to_num(jacobian(self.problem, free, x, r))
+        return BOTH * np.nan_to_num(r - self.truth) - slopes @ (x - rival.fit.x), slopes, rival.information, rival.wide
+
+
+class RivalProblem:
+    """A rival against the model found on a motion, and against what the recordings at hand say of its parameters.
+
+    Parameters
+    ----------
+    problem : of the motion. truth : residuals of the model found, shape (n,). rival : which.
+    """
+
+    smooth = True
+
+    def __init__(self, problem: RecordingProblem, truth: Array, rival: Rival) -> None:
+        self.problem, self.truth, self.rival = problem, truth, rival
+        weights, vectors = np.linalg.eigh(rival.information)
+        self._root = vectors * np.sqrt(np.maximum(weights, 0.0))
+
+    def residuals(self, vectors: Array) -> Array:
+        """Of the motion, of which the second half tells as much as the first, and of the parameters."""
+        moved = self.rival.fit.free.rows(vectors) - self.rival.fit.x
+        return np.hstack([BOTH * (self.problem.residuals(vectors) - self.truth), moved @ self._root])
 
 
 def possible_effects(

@@ -137,7 +137,14 @@ class FreeParameters:
         wanted = self._vector[self.columns].copy()
         for name, value in values.items():
             wanted[self.names.index(name)] = value
-        return np.clip(wanted / self.scales(wanted / self.scale), self.low, self.high)
+        return np.clip(self._x(wanted), self.low, self.high)
+
+    def rows(self, vectors: np.ndarray) -> np.ndarray:
+        """Rows of x of full parameter vectors, the inverse of `vectors`."""
+        return self._x(vectors[:, self.columns])
+
+    def _x(self, values: np.ndarray) -> np.ndarray:
+        return np.asarray(values / self.scales(values / self.scale))
 
     def x_on(self, table: TableParameters) -> np.ndarray:
         """x of a table, what is free of one recording alone as on the base."""
