@@ -46,6 +46,7 @@ class FrequencyResponse:
     phase: Floats  # continuous, 0 at rest [rad]
     windows: int  # number of windows averaged
     leaked: Floats  # share of the power at a line that the window may leak there from others, of the worse signal [-]
+    power: Floats  # density of the input's, one-sided [unit of input squared/Hz]
 
     @property
     def gain(self) -> Floats:
@@ -106,7 +107,7 @@ def frequency_response(given: Floats, answer: Floats, sample_time: float, window
     phase = followed_phase(response[keep], coherence[keep])
     leaked = np.maximum(_leaked(s_uu), _leaked(s_yy))
     return FrequencyResponse(
-        frequency[keep], response[keep], coherence[keep], deviation[keep], phase, windows, leaked[keep]
+        frequency[keep], response[keep], coherence[keep], deviation[keep], phase, windows, leaked[keep], s_uu[keep]
     )
 
 
