@@ -33,8 +33,7 @@ from shake_ros.signals.frequency_response import SHORTEST, FrequencyResponse, fr
 
 WINDOW = 4.0  # of the response [s]
 LOWEST, HIGHEST = 1.0, 40.0  # lines that are looked at [Hz]
-COHERENT = 0.95  # of a line; few windows show more, so as large a part of its power may not be noise of the position,
-# which biases the gain
+COHERENT = 0.95  # of a line; few windows show more by chance, so no more of its power may be noise of the position
 LEAKED = 0.7  # share of a line that may come from others, from which it says nothing of its own frequency
 FEWEST = 10  # lines
 LAGS = np.geomspace(3e-4, 3e-2, 40)  # of the accelerometer [s]
@@ -137,10 +136,10 @@ def between_sensors(records: Sequence[Record]) -> Lines:
             continue
         f = found.frequency
         use = (f >= LOWEST) & (f <= min(HIGHEST, 0.35 / record.sample_time)) & (found.coherence > COHERENT)
-        noise = 2.0 * record.position_noise() ** 2 * record.sample_time
-        use &= (found.leaked < LEAKED) & (noise < (1.0 - COHERENT) * found.power)
+        noise = 2.0 * record.position_noise() ** 2 * record.sample_time / found.power  # of it in the position
+        use &= (found.leaked < LEAKED) & (noise < 1.0 - COHERENT)
         lines.append(2.0 * np.pi * f[use])
-        values.append(-found.response[use] / (2.0 * np.pi * f[use]) ** 2)
+        values.append(-found.response[use] / (2.0 * np.pi * f[use]) ** 2 / (1.0 - noise[use]))
         weights.append(1.0 / (1.001 - found.coherence[use]))
     if not lines:
         return np.zeros(0), np.zeros(0, dtype=np.complex128), np.zeros(0)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, freqs
 
-from shake_ros.fit.nuisances.sensor_pair import SensorPair, base_between, pressed_in_time, sensor_pair
+from shake_ros.fit.nuisances.sensor_pair import SensorPair, base_between, between_sensors, pressed_in_time, sensor_pair
 from shake_ros.fit.records import Record
 from shake_ros.quantities import ShakeError
 
@@ -57,6 +57,22 @@ def test_acceleration_that_is_early_tells_of_no_lag() -> None:
     found = told_by(lambda omega: np.exp(1j * omega * 0.004))
     assert (found.lag, found.position_lag, found.base) == (0.0, 0.0, None)
     assert found.delay == pytest.approx(-0.004, abs=1e-4)
+
+
+def test_noise_of_the_position_makes_no_gain_of_a_short_recording_smaller() -> None:
+    """Few windows, of which many lines are coherent by chance."""
+    count, dt, gains = 1200, 0.005, []
+    omega = 2.0 * np.pi * np.fft.rfftfreq(count, dt)
+    spectrum = 30.0 * (omega > 6.0) * (omega < 250.0) / np.maximum(omega, 6.0) ** 3
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        motion = spectrum * np.fft.rfft(rng.standard_normal(count))
+        position = np.fft.irfft(motion, count) + 1e-5 * rng.standard_normal(count)
+        felt = np.fft.irfft(-(omega**2) * motion, count) + 0.01 * rng.standard_normal(count)
+        lines, values, _ = between_sensors([Record("short", dt, np.zeros(count), position, felt)])
+        gains += values.real[lines > 50.0].tolist()
+    assert len(gains) > 200
+    assert np.mean(gains) == pytest.approx(1.0, abs=0.015)
 
 
 @pytest.mark.parametrize("cutoff", [25.0, 40.0])
