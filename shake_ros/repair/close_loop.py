@@ -198,7 +198,7 @@ def with_nuisances(best: FittedAnswer) -> FittedAnswer:
 def without_needless_lags(best: FittedAnswer, between: Sequence[str]) -> FittedAnswer:
     """An answer without the sensors' lags where another delay of the accelerometer's filter explains as much.
 
-    The search takes that filter as it was first found, when other effects were missing too.
+    The search takes the delay beside that filter as it was first found, when other effects were missing too.
     between : effects that stay: the sensors show them without a model.
     """
     unknown = best.problem.estimation.model.nuisances
