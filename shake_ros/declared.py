@@ -11,9 +11,10 @@ from typing import Any
 
 from shake_ros.explain import experiments
 from shake_ros.fit.axis_model import AXIS
+from shake_ros.fit.declared_model import FULL, DeclaredModel
 from shake_ros.fit.free_parameters import FreeParameter, free_parameter, null_shifts_of
 from shake_ros.fit.nuisances.prepared import Prepared
-from shake_ros.fit.records import FULL, DeclaredModel, Record
+from shake_ros.fit.records import Record
 from shake_ros.fit.reduced_model import REDUCED
 from shake_ros.fit.start.stages import StartingPoint
 from shake_ros.fit.start.unknown_model import NAME as UNKNOWN

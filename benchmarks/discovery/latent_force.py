@@ -18,7 +18,8 @@ from scipy.signal import butter, sosfiltfilt
 
 from benchmarks.discovery import hidden_tables as hidden
 from shake_ros.explain.latent_force import LatentForce, latent_force
-from shake_ros.fit.records import FULL, Record
+from shake_ros.fit.declared_model import FULL
+from shake_ros.fit.records import Record
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.settings import load_search, load_table
 

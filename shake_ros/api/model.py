@@ -11,9 +11,10 @@ import numpy as np
 from shake_ros.api.read import Recordings
 from shake_ros.declared import MODELS, declared_table, effect_candidates, free_parameters, leaves_open, unknown_model
 from shake_ros.fit.axis_model import AXIS, with_slow_changes
+from shake_ros.fit.declared_model import DeclaredModel
 from shake_ros.fit.free_parameters import FreeParameter
 from shake_ros.fit.nuisances.prepared import Prepared, prepared
-from shake_ros.fit.records import DeclaredModel, Record
+from shake_ros.fit.records import Record
 from shake_ros.fit.start.data_checks import contradictions, unmeasured_positions, usable_pressures, within_stroke
 from shake_ros.fit.start.linear_table import in_time
 from shake_ros.fit.start.stages import StartingPoint, staged_start

@@ -38,11 +38,12 @@ from shake_ros.control.reference.motion import Envelope, envelope
 from shake_ros.experiment_design.further_sensors import FurtherSensor, WithSensors
 from shake_ros.experiment_design.motions import Excitation
 from shake_ros.explain.experiments import PAYLOAD, widening
+from shake_ros.fit.declared_model import DeclaredModel
 from shake_ros.fit.free_parameters import FreeParameters
 from shake_ros.fit.identified import damping
 from shake_ros.fit.least_squares import LOST, Adjustment, Fit, fit, jacobian
 from shake_ros.fit.recording_problem import RecordingProblem
-from shake_ros.fit.records import DeclaredModel, Record
+from shake_ros.fit.records import Record
 from shake_ros.physics.plant.linearisation import oil_column_frequency
 from shake_ros.repair.rival_models import RivalModel
 from shake_ros.safety.causes import InterlockParameters

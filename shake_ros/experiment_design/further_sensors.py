@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import cont2discrete, lfilter
 
+from shake_ros.fit.declared_model import FULL
 from shake_ros.fit.recording_problem import RecordingProblem
-from shake_ros.fit.records import FULL, MODEL_FLOOR, Record
+from shake_ros.fit.records import MODEL_FLOOR, Record
 from shake_ros.physics.plant.parameters import FULL_LAYOUT
 from shake_ros.physics.plant.simulation import COLUMNS, SMOOTH, run_batch
 from shake_ros.quantities import ShakeError, strict_keys, unknown_name

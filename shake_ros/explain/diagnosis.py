@@ -17,9 +17,10 @@ from shake_ros.explain.experiments import (
     identifiability,
 )
 from shake_ros.explain.prediction import Innovations, innovations
+from shake_ros.fit.declared_model import FULL, DeclaredModel
 from shake_ros.fit.least_squares import Fit, jacobian
 from shake_ros.fit.recording_problem import RecordingProblem
-from shake_ros.fit.records import FULL, DeclaredModel, Record
+from shake_ros.fit.records import Record
 from shake_ros.fit.start.backlash import BACKLASH, SHARE, share_of_dwells
 from shake_ros.fit.uncertainty import of_table
 

@@ -20,10 +20,11 @@ from typing import Any
 
 import numpy as np
 
+from shake_ros.fit.declared_model import FULL, DeclaredModel
 from shake_ros.fit.free_parameters import FreeParameters
 from shake_ros.fit.least_squares import Fit, jacobian
 from shake_ros.fit.recording_problem import RecordingProblem
-from shake_ros.fit.records import FULL, DeclaredModel, Record
+from shake_ros.fit.records import Record
 from shake_ros.fit.uncertainty import at_bound, correlation, covariance
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.quantities import ShakeError, strict_keys, unknown_name

@@ -24,7 +24,8 @@ from numpy.typing import NDArray
 
 from shake_ros.explain.force_kinds import ForceKinds, band_factor, beside_band, judged_kinds
 from shake_ros.explain.force_smoother import ForceSmoother, Residuals, Smoothed, force_dynamics, moving_mass
-from shake_ros.fit.records import DeclaredModel, Record, longest
+from shake_ros.fit.declared_model import DeclaredModel
+from shake_ros.fit.records import Record, longest
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.search.problem import SearchProblem, side_by_side
 from shake_ros.search.search_settings import SearchSettings

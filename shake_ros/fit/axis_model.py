@@ -23,8 +23,9 @@ from typing import ClassVar, final
 
 import numpy as np
 
+from shake_ros.fit.declared_model import Compared, DeclaredModel
 from shake_ros.fit.recording_problem import BLOCK
-from shake_ros.fit.records import Compared, DeclaredModel, Record
+from shake_ros.fit.records import Record
 from shake_ros.physics.effects.unlisted import CHANGES, FORCE_OF_VELOCITY, FRICTION_OF_POSITION, NODES
 from shake_ros.physics.plant.axis import AXIS_LAYOUT, AxisParameters, accelerations, initial_state, run_batch
 from shake_ros.physics.plant.parameters import TableParameters

@@ -14,9 +14,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from shake_ros.fit.declared_model import DeclaredModel
 from shake_ros.fit.least_squares import difference_of
 from shake_ros.fit.recording_problem import RecordingProblem
-from shake_ros.fit.records import DeclaredModel, Record, windows
+from shake_ros.fit.records import Record, windows
 
 LOST = 1e3  # weighted residual of a run that ends in no number
 

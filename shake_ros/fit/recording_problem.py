@@ -16,8 +16,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from shake_ros.fit.declared_model import FULL, Compared, DeclaredModel
 from shake_ros.fit.least_squares import LOST
-from shake_ros.fit.records import FULL, MODEL_FLOOR, Compared, DeclaredModel, Record, relative_error
+from shake_ros.fit.records import MODEL_FLOOR, Record, relative_error
 from shake_ros.physics.plant.simulation import workers
 from shake_ros.signals.noise import samples_for_one
 from shake_ros.signals.velocity_filter import filtered_velocity, independent_part, low_pass

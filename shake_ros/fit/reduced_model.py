@@ -7,7 +7,8 @@ from typing import final
 
 import numpy as np
 
-from shake_ros.fit.records import Compared, DeclaredModel, Record
+from shake_ros.fit.declared_model import Compared, DeclaredModel
+from shake_ros.fit.records import Record
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.physics.plant.reduced import REDUCED_LAYOUT, ReducedParameters
 from shake_ros.physics.plant.reduced_simulation import initial_state, run_batch

@@ -15,11 +15,12 @@ import numpy as np
 from shake_ros.explain.dependence import UNKNOWN, Remaining, remaining
 from shake_ros.explain.latent_force import LatentForce, latent_forces
 from shake_ros.failures import RAISING, Failures
+from shake_ros.fit.declared_model import FULL, DeclaredModel
 from shake_ros.fit.least_squares import never, time_is_over, within_budget
 from shake_ros.fit.nuisances.estimates import estimated_null_shifts, without_null_shifts
 from shake_ros.fit.nuisances.sensor_filter import filter_of
 from shake_ros.fit.prediction import Predictor
-from shake_ros.fit.records import FULL, DeclaredModel, Record
+from shake_ros.fit.records import Record
 from shake_ros.fit.solver import Budget
 from shake_ros.fit.start.backlash import BACKLASH, shows_backlash
 from shake_ros.search.answer import LAGS, OF_POSITION, answer

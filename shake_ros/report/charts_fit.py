@@ -8,8 +8,9 @@ import numpy as np
 from scipy.signal import welch
 
 from shake_ros.explain.account import Account
+from shake_ros.fit.declared_model import FULL, DeclaredModel
 from shake_ros.fit.least_squares import Fit
-from shake_ros.fit.records import FULL, DeclaredModel, Record
+from shake_ros.fit.records import Record
 from shake_ros.physics.effects.unlisted import CHANGES, NODES, SECONDS
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.report.chart import Array, Chart, ChartSeries, Panel

@@ -9,7 +9,8 @@ import numpy as np
 
 from shake_ros.control.trials import TrackingBenefit
 from shake_ros.explain.latent_force import LatentForce
-from shake_ros.fit.records import DeclaredModel, Record, longest
+from shake_ros.fit.declared_model import DeclaredModel
+from shake_ros.fit.records import Record, longest
 from shake_ros.physics.effects import EFFECTS
 from shake_ros.repair.close_loop import LoopClosure
 from shake_ros.report import charts_fit

@@ -14,8 +14,9 @@ from shake_ros.explain.account import verdict
 from shake_ros.explain.diagnosis import Diagnosis
 from shake_ros.explain.experiments import stated
 from shake_ros.explain.prediction import HORIZONS, RATES, Innovations
+from shake_ros.fit.declared_model import DeclaredModel
 from shake_ros.fit.nuisances.prepared import Prepared
-from shake_ros.fit.records import DeclaredModel, Record, longest
+from shake_ros.fit.records import Record, longest
 from shake_ros.fit.uncertainty import Estimate
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.report import charts_fit

@@ -15,12 +15,13 @@ from typing import TypeVar
 
 import numpy as np
 
+from shake_ros.fit.declared_model import FULL, DeclaredModel
 from shake_ros.fit.free_parameters import FreeParameter, FreeParameters
 from shake_ros.fit.least_squares import LOST, Fit, Problem, fit, jacobian
 from shake_ros.fit.nuisances.equal_commands import FreeAndPredictor, process_noise
 from shake_ros.fit.nuisances.estimates import NuisanceEstimates
 from shake_ros.fit.recording_problem import RecordingProblem
-from shake_ros.fit.records import FULL, DeclaredModel, Record, windows
+from shake_ros.fit.records import Record, windows
 from shake_ros.fit.start.narrow_valleys import INJECTION, approached, arrived, predictor_start
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.physics.plant.simulation import workers

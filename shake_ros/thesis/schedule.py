@@ -15,10 +15,11 @@ from shake_ros.api.fitted import fit_data
 from shake_ros.api.progress import Progress, ProgressOption
 from shake_ros.api.read import Data
 from shake_ros.declared import effect_candidates, free_parameters
+from shake_ros.fit.declared_model import FULL
 from shake_ros.fit.free_parameters import FreeParameters
 from shake_ros.fit.least_squares import Fit, best_start, fit
 from shake_ros.fit.recording_problem import RecordingProblem
-from shake_ros.fit.records import FULL, Record, relative_error
+from shake_ros.fit.records import Record, relative_error
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.quantities import ShakeError
 from shake_ros.report.chart import Chart, ChartSeries, Panel, static_figure

@@ -29,11 +29,12 @@ from typing import NamedTuple
 import numpy as np
 
 from shake_ros.declared import effect_candidates, sized
+from shake_ros.fit.declared_model import FULL
 from shake_ros.fit.free_parameters import FreeParameter
 from shake_ros.fit.likelihood import Levels
 from shake_ros.fit.model import SENSOR, SENSOR_FILTER, TABLE, FreeModel, TriedEffect
 from shake_ros.fit.nuisances.sensor_filter import SensorFilter
-from shake_ros.fit.records import FULL, Record
+from shake_ros.fit.records import Record
 from shake_ros.fit.solver import Budget, PredictorFit, descend, jacobian, prior_residuals
 from shake_ros.search.candidates import functions, listed
 from shake_ros.search.decision import PRIOR

@@ -24,10 +24,10 @@ from shake_ros.experiment_design.next_recording import (
     next_recording,
     remedies,
 )
+from shake_ros.fit.declared_model import FULL
 from shake_ros.fit.free_parameters import FreeParameters
 from shake_ros.fit.least_squares import Fit
 from shake_ros.fit.recording_problem import RecordingProblem
-from shake_ros.fit.records import FULL
 from shake_ros.quantities import ShakeError
 from shake_ros.repair.rival_models import RivalModel
 from shake_ros.search.problem import ScoredFit, linearised

@@ -11,8 +11,9 @@ from benchmarks.discovery import hidden_tables as hidden
 from benchmarks.discovery.latent_force import declared_table, relative_error, true_force
 from shake_ros.explain.latent_force import LatentForce, latent_force
 from shake_ros.fit.axis_model import AXIS
+from shake_ros.fit.declared_model import FULL
 from shake_ros.fit.nuisances.explained_band import limited
-from shake_ros.fit.records import FULL, Record
+from shake_ros.fit.records import Record
 from shake_ros.fit.reduced_model import REDUCED
 from shake_ros.physics.plant.axis import AXIS_LAYOUT, AxisParameters
 from shake_ros.physics.plant.parameters import TableParameters

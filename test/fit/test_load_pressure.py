@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 from hidden_table import OWN, SAMPLE_TIME, SCALED, TRUE, record
 
+from shake_ros.fit.declared_model import FULL
 from shake_ros.fit.likelihood import Levels
 from shake_ros.fit.model import TABLE, start_of
 from shake_ros.fit.nuisances.explained_band import limited
 from shake_ros.fit.prediction import Predictor
 from shake_ros.fit.recording_problem import RecordingProblem
-from shake_ros.fit.records import FULL, Record
+from shake_ros.fit.records import Record
 from shake_ros.fit.segment import Segment
 from shake_ros.fit.start.data_checks import usable_pressures
 from shake_ros.fit.start.unknown_model import UnknownModel

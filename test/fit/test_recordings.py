@@ -10,8 +10,9 @@ import pytest
 from closed_loops import declared_fit, recording
 from hidden_table import ACCELERATION_NOISE, POSITION_NOISE, POSITION_STEP, SAMPLE_TIME, Hidden, record
 
+from shake_ros.fit.declared_model import FULL
 from shake_ros.fit.recording_problem import BLOCK, BLOCKS, RecordingProblem
-from shake_ros.fit.records import FULL, SETTLE, Record, relative_error, windows
+from shake_ros.fit.records import SETTLE, Record, relative_error, windows
 from shake_ros.physics.plant.simulation import run
 from shake_ros.physics.plant.states import FILM
 from shake_ros.settings import load_table

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from hidden_table import TRUE, record
 
+from shake_ros.fit.declared_model import FULL, Compared
 from shake_ros.fit.likelihood import FreeRuns, Levels, ShakenRuns
 from shake_ros.fit.nuisances.explained_band import limited
 from shake_ros.fit.recording_problem import CALM, RecordingProblem
-from shake_ros.fit.records import FULL, Compared, Record
+from shake_ros.fit.records import Record
 from shake_ros.settings import load_table
 
 TABLE = load_table("bergamo").with_values(TRUE)

@@ -11,10 +11,11 @@ from benchmarks.discovery import hidden_tables as hidden
 from shake_ros import declared
 from shake_ros.api.read import recording, recordings
 from shake_ros.explain.diagnosis import diagnose
+from shake_ros.fit.declared_model import FULL
 from shake_ros.fit.free_parameters import FreeParameters
 from shake_ros.fit.least_squares import fit
 from shake_ros.fit.recording_problem import RecordingProblem
-from shake_ros.fit.records import FULL, Record
+from shake_ros.fit.records import Record
 from shake_ros.fit.start.backlash import SHARE, share_of_dwells, width_of_gap
 from shake_ros.report.page import Page
 from shake_ros.report.report_json import diagnosis_json

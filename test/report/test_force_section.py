@@ -16,7 +16,7 @@ from pages import Reader, read_page
 from shake_ros.api.fitted import LatentForces
 from shake_ros.explain.force_kinds import ForceKinds
 from shake_ros.explain.latent_force import LatentForce
-from shake_ros.fit.records import FULL, DeclaredModel
+from shake_ros.fit.declared_model import FULL, DeclaredModel
 from shake_ros.fit.start.unknown_model import UnknownModel
 from shake_ros.report.chart import static_figure
 from shake_ros.report.close_loop_page import against_chart, force_chart, force_section

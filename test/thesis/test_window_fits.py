@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from shake_ros.fit.declared_model import FULL
 from shake_ros.fit.free_parameters import FreeParameters, free_parameter
-from shake_ros.fit.records import FULL, Record
+from shake_ros.fit.records import Record
 from shake_ros.settings import load_table
 from shake_ros.thesis.network import (
     HOP,

@@ -18,11 +18,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from shake_ros.fit.declared_model import DeclaredModel
 from shake_ros.fit.identified import velocity_gain
 from shake_ros.fit.least_squares import Fit
 from shake_ros.fit.nuisances.sensor_filter import SensorFilter, better_filter
 from shake_ros.fit.recording_problem import RecordingProblem
-from shake_ros.fit.records import DeclaredModel, Record
+from shake_ros.fit.records import Record
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.signals.noise import white_deviation
 from shake_ros.signals.velocity_filter import filtered_velocity

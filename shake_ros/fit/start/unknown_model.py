@@ -22,9 +22,10 @@ from typing import ClassVar, final
 
 import numpy as np
 
+from shake_ros.fit.declared_model import FULL, Compared, DeclaredModel
 from shake_ros.fit.nuisances.sensor_pair import ALIKE, SensorPair
 from shake_ros.fit.recording_problem import RecordingProblem
-from shake_ros.fit.records import FULL, Compared, DeclaredModel, Record, windows
+from shake_ros.fit.records import Record, windows
 from shake_ros.fit.start.linear_table import SPECIMEN_BOUNDS, LinearTable, SpecimenMode, linear_table
 from shake_ros.physics.plant.parameters import FULL_LAYOUT, TableParameters
 

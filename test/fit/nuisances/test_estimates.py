@@ -10,9 +10,10 @@ import pytest
 from as_fitted import as_fitted
 from hidden_table import ACCELERATION_NOISE, SAMPLE_TIME, TRUE, record
 
+from shake_ros.fit.declared_model import FULL, DeclaredModel
 from shake_ros.fit.nuisances.estimates import NuisanceEstimates, residual_noise
 from shake_ros.fit.recording_problem import RecordingProblem
-from shake_ros.fit.records import FULL, DeclaredModel, Record, windows
+from shake_ros.fit.records import Record, windows
 from shake_ros.fit.start.unknown_model import UnknownModel
 from shake_ros.physics.plant.parameters import TableParameters
 from shake_ros.settings import load_table

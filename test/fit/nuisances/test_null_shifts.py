@@ -7,11 +7,12 @@ import pytest
 from hidden_table import SAMPLE_TIME, TRUE, record
 
 from shake_ros.declared import free_parameters, model_structure
+from shake_ros.fit.declared_model import FULL
 from shake_ros.fit.free_parameters import FreeParameters, null_shifts_of
 from shake_ros.fit.least_squares import fit
 from shake_ros.fit.nuisances.estimates import NuisanceEstimates, estimated_null_shifts, without_null_shifts
 from shake_ros.fit.recording_problem import RecordingProblem
-from shake_ros.fit.records import FULL, Record
+from shake_ros.fit.records import Record
 from shake_ros.fit.start.unknown_model import UnknownModel
 from shake_ros.fit.uncertainty import estimates, of_table
 from shake_ros.settings import load_table

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from shake_ros.fit.declared_model import FULL
 from shake_ros.fit.free_parameters import FreeParameters, free_parameter
 from shake_ros.fit.least_squares import fit
 from shake_ros.fit.recording_problem import RecordingProblem
-from shake_ros.fit.records import FULL, Record
+from shake_ros.fit.records import Record
 from shake_ros.physics.effects.hydraulics import OilWarming
 from shake_ros.physics.fluid import Oil
 from shake_ros.physics.plant.parameters import records
