@@ -263,9 +263,8 @@ class Designer:
                 close[p.motion.name] = p
         progress("fitting the rivals to the best of them", 0.4)
         found = self._refitted(close.values())
-        first = (
-            close[found[0].motion.name] if found else next((p for p in screened if self.harmless(p, self.rivals)), None)
-        )
+        possible = (p for p in screened if self.harmless(p, self.rivals))
+        first = close[found[0].motion.name] if found else next(possible, None)
         if first is not None:
             progress(f"best so far: {first.motion}; varying it", 0.7)
             varied = self._screened(list(first.motion.neighbours()))

@@ -72,7 +72,7 @@ def answer(
     if unknown and isinstance(data.estimation, SlowRuns) and estimation[0].position_measured:
         sensors |= {SENSOR_DELAY: 0.0, SENSOR_FILTER: by_filter}
     elif by_filter > 0.0:
-        sensors |= {SENSOR_FILTER: by_filter}  # beside a lag it is another than that which the first fit has taken
+        sensors |= {SENSOR_FILTER: by_filter}  # the first fit may have given it a sensor's lag
     begin = beginning(model, sensors, by_filter, apart=(NULL_SHIFT,) if filtered else ())
     models, others, done = list[Scored](), dict[str, list[Scored]](), False
     with failures.step("search"):

@@ -136,7 +136,7 @@ def between_sensors(records: Sequence[Record]) -> Lines:
             continue
         f = found.frequency
         use = (f >= LOWEST) & (f <= min(HIGHEST, 0.35 / record.sample_time)) & (found.coherence > COHERENT)
-        noise = 2.0 * record.position_noise() ** 2 * record.sample_time / found.power  # of it in the position
+        noise = 2.0 * record.position_noise() ** 2 * record.sample_time / np.maximum(found.power, 1e-300)  # its share
         use &= (found.leaked < LEAKED) & (noise < 1.0 - COHERENT)
         lines.append(2.0 * np.pi * f[use])
         values.append(-found.response[use] / (2.0 * np.pi * f[use]) ** 2 / (1.0 - noise[use]))
