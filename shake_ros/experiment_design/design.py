@@ -26,7 +26,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,7 +63,6 @@ OVERHEAD = 4.0  # of a run beside its motion, in seconds of excitation: many sho
 FOLLOWED = 12.0  # bandwidth of the plain loop by which a motion is predicted, at most [rad/s]
 COMMAND = 0.9  # largest valve command that a motion may need [-]
 NOTHING = np.zeros(0)
-Compared = tuple[Array, Array, Array, float]  # as `gained` takes them
 STEPS = 8  # by which a motion that is too large gets smaller, each by the root of two
 CLOSE = 3  # motions to which the rivals are fitted, before the best of them is varied
 VARIED = 2  # motions a step about the best one to which they are
@@ -185,19 +186,20 @@ class Designer:
         load = None if like.pressure is None else run.measured[:half, 2] - run.measured[:half, 3]
         return Record(name, like.sample_time, run.command[:half], seen, felt, load, cutoff=like.cutoff)
 
-    def _allowed(self, rival: Rival, samples: Array) -> ClosedLoop | None:
-        """A model under a plain loop; None where it leaves the limits or the interlock would hold it.
-
-        The loop has half the gain at which the oil column would ring, 2 ζ ω_h, if it has no more damping than at rest.
-        """
+    @cached_property
+    def _controller(self) -> Controller:
+        """A plain loop of half the gain at which the oil column would ring, 2 ζ ω_h with its damping at rest."""
         table = self.found.fit.table
         gain, bandwidth = envelope(table).velocity, min(FOLLOWED, damping(table) * oil_column_frequency(table))
         law = FeedforwardPI(
             limit=1.0, start_time=0.0, model_bandwidth=100.0, model_horizon=0.004, proportional_gain=-bandwidth / gain,
             integral_gain=0.0, feedforward_gain=1.0 / gain,
         )  # fmt: skip
-        controller = Controller("feedforward_pi", law, self.like.sample_time)
-        run, finite = simulate(Loop(rival.fit.table, None, controller, samples))
+        return Controller("feedforward_pi", law, self.like.sample_time)
+
+    def _allowed(self, rival: Rival, samples: Array) -> ClosedLoop | None:
+        """A model under a plain loop; None where it leaves the limits or the interlock would hold it."""
+        run, finite = simulate(Loop(rival.fit.table, None, self._controller, samples))
         if finite < len(samples) or float(np.max(np.abs(run.command))) > COMMAND:
             return None
         if np.any(np.max(np.abs(run.truth), axis=0) > self.limits):
@@ -216,10 +218,10 @@ class Designer:
         """A predicted motion with what it does to each rival; else to first order about the model found."""
         problem = RecordingProblem([prediction.record], self.model)
         compare = ModelComparison.of(problem, self.found)
-        itself = max(gained(*compare.refitted(r))[0] for r in self.moved) if refit else 0.0
+        itself = max(compare.refitted(r).gained()[0] for r in self.moved) if refit else 0.0
 
         def separation(rival: Rival) -> Separation:
-            gain, left = gained(*(compare.refitted(rival) if refit else compare.first_order(rival)))
+            gain, left = (compare.refitted if refit else compare.first_order)(rival).gained()
             return Separation(rival.name, max(gain - itself, 0.0), acceleration_in(problem, left / BOTH))
 
         return replace(
@@ -236,7 +238,7 @@ class Designer:
         compare, made = ModelComparison.of(problem, self.found), dict[str, tuple[Separation, ...]]()
         compared = [compare.refitted(r) for r in (*self.moved, *self.rivals)]
         for name, own in problem.columns().items():
-            gains = [gained(d[own], slopes[own], known, wide)[0] for d, slopes, known, wide in compared]
+            gains = [difference.of(own).gained()[0] for difference in compared]
             itself, others = max(gains[: len(self.moved)]), gains[len(self.moved) :]
             pairs = zip(self.rivals, others, strict=True)
             made[name] = tuple(Separation(r.name, max(gain - itself, 0.0), NOTHING) for r, gain in pairs)
@@ -286,6 +288,33 @@ class Designer:
         return sorted(side_by_side(self.separated, list(predictions)), key=lambda p: -p.rate)
 
 
+class Difference(NamedTuple):
+    """How a rival differs from the model found on a motion, to first order about some parameters.
+
+    Attributes
+    ----------
+    values : of the weighted residuals where its parameters are as they were, shape (n,).
+    slopes : Jacobian, shape (n, p).
+    information : on its parameters from the recordings at hand, shape (p, p).
+    wide : widening of its variances.
+    """
+
+    values: Array
+    slopes: Array
+    information: Array
+    wide: float
+
+    def of(self, samples: NDArray[np.intp]) -> Difference:
+        """The same of some of the residuals."""
+        return self._replace(values=self.values[samples], slopes=self.slopes[samples])
+
+    def gained(self) -> tuple[float, Array]:
+        """Expected gain over the rival fitted as well as it can be [nats], and what that leaves of it, shape (n,)."""
+        step = np.linalg.lstsq(self.slopes.T @ self.slopes + self.information, -self.slopes.T @ self.values, 1e-12)[0]
+        left = self.values + self.slopes @ step
+        return 0.5 * (float(left @ left) + float(step @ self.information @ step)) / self.wide, left
+
+
 @dataclass(frozen=True)
 class ModelComparison:
     """Models on a predicted motion, each compared with the model found."""
@@ -302,19 +331,20 @@ class ModelComparison:
         there = linearised(problem, found.fit)
         return cls(problem, found, there.residuals, np.nan_to_num(there.jacobian))
 
-    def first_order(self, rival: Rival) -> Compared:
-        """What `gained` takes of a rival, with slopes and information of the model found."""
-        difference = BOTH * np.nan_to_num(self.problem.residuals(rival.fit.vector[None, :])[0] - self.truth)
-        return difference, BOTH * self.slopes, self.found.information, rival.wide
+    def first_order(self, rival: Rival) -> Difference:
+        """The difference of a rival, with slopes and information of the model found."""
+        values = BOTH * np.nan_to_num(self.problem.residuals(rival.fit.vector[None, :])[0] - self.truth)
+        return Difference(values, BOTH * self.slopes, self.found.information, rival.wide)
 
-    def refitted(self, rival: Rival) -> Compared:
+    def refitted(self, rival: Rival) -> Difference:
         """The same about the rival fitted to the motion, by the sensors at hand, and to the recordings at hand."""
         free, own = rival.fit.free, self.problem.problem if isinstance(self.problem, WithSensors) else self.problem
         by_own = RivalProblem(own, self.truth[: own.count + len(own.model.priors)], rival)
         x = fit(by_own, free, rival.fit.x, evaluations=EVALUATIONS, tolerance=TOLERANCE).x
         r = self.problem.residuals(free.vectors(x))[0]
         slopes = BOTH * np.nan_to_num(jacobian(self.problem, free, x, r))
-        return BOTH * np.nan_to_num(r - self.truth) - slopes @ (x - rival.fit.x), slopes, rival.information, rival.wide
+        values = BOTH * np.nan_to_num(r - self.truth) - slopes @ (x - rival.fit.x)
+        return Difference(values, slopes, rival.information, rival.wide)
 
 
 class RivalProblem:
@@ -384,16 +414,6 @@ def acceleration_in(problem: RecordingProblem, left: Array) -> Array:
     if record.acceleration is None:
         return left[:n] / problem.velocity_weights[0]
     return -left[n : 2 * n] / problem.acceleration_weights[0]
-
-
-def gained(difference: Array, slopes: Array, information: Array, wide: float) -> tuple[float, Array]:
-    """Expected gain over a fit [nats], and what its refit leaves of a weighted difference, shape (n,).
-
-    slopes : Jacobian, shape (n, p). information, wide : of the recordings at hand, and the widening.
-    """
-    step = np.linalg.lstsq(slopes.T @ slopes + information, -slopes.T @ difference, rcond=1e-12)[0]
-    left = difference + slopes @ step
-    return 0.5 * (float(left @ left) + float(step @ information @ step)) / wide, left
 
 
 def within_uncertainty(fit: Fit, information: Array, wide: float) -> tuple[Fit, ...]:
