@@ -20,6 +20,7 @@ class FreeParameter:
     low, high : bounds of the fit, within those of the quantity. unit : of the quantity.
     moved_mass : for which scale and bounds are given [kg], where the quantity is a part of that mass and follows it;
     else 0.
+    narrow : whether free runs bend with it within a small change, as those of a table whose parts strike each other.
     """
 
     name: str
@@ -28,6 +29,7 @@ class FreeParameter:
     high: float
     unit: str
     moved_mass: float = 0.0
+    narrow: bool = False
 
 
 def free_parameter(
@@ -81,6 +83,7 @@ class FreeParameters:
         self.scale = np.array([f.scale for f in self.free])
         self.low = np.array([f.low for f in self.free]) / self.scale
         self.high = np.array([f.high for f in self.free]) / self.scale
+        self.narrow = any(f.narrow for f in self.free)
         index = {name: i for i, name in enumerate(base.fields)}
         own = [name for name in self.names if is_of_recording(name)]
         runs = [int(name.split()[1].rstrip(":")) for name in own]

@@ -49,6 +49,7 @@ def within_budget(over: Callable[[], bool]) -> Iterator[None]:
 
 DIFFERENCE = 2e-3  # difference step as a part of a parameter's scale or of its value, whichever is larger
 SMALL_DIFFERENCE = 2e-4  # the same of a smooth problem
+CENTRAL = 1e-2  # the same to either side, where free runs bend within a small change
 KEPT = 4  # steps for which the Jacobian of a smooth problem is kept
 LEAST, MOST = 0.5, 2.0  # of the foreseen fall of the cost, between which it is
 TRIALS = 2  # trial points for each of the Jacobians that a fit may take where it keeps them
@@ -118,7 +119,13 @@ def difference_of(problem: Problem) -> float:
 
 
 def jacobian(problem: Problem, free: FreeParameters, x: np.ndarray, residuals: np.ndarray) -> np.ndarray:
-    """Forward differences of the residuals in one batch, shape (n, p)."""
+    """Differences of the residuals in one batch, shape (n, p): central where a parameter is narrow, else forward."""
+    if free.narrow:
+        step = (getattr(problem, "difference", None) or CENTRAL) * np.maximum(1.0, np.abs(x))
+        more, less = np.minimum(x + step, free.high), np.maximum(x - step, free.low)
+        tried = np.vstack([x, x + np.diag(more - x), x + np.diag(less - x)])
+        moved = problem.residuals(free.vectors(tried))[1:]
+        return (moved[: len(x)] - moved[len(x) :]).T / (more - less)
     step = difference_of(problem) * np.maximum(1.0, np.abs(x))
     step = np.where(x + step > free.high, -step, step)
     moved = problem.residuals(free.vectors(np.vstack([x, x + np.diag(step)])))  # all along the steps of the first
@@ -194,7 +201,7 @@ class KeptJacobian:
                 self._x, self._r, self.age = x.copy(), r, self.age + 1
                 return self._jacobian
         self._go_on()
-        self.simulated += 1 + len(x)
+        self.simulated += 1 + len(x) * (2 if self._free.narrow else 1)
         self.taken += 1
         found = jacobian(self._problem, self._free, x, r)
         self._x, self._r, self.new, self.age = x.copy(), r, np.where(np.abs(found) < OVERFLOWING, found, 0.0), 0

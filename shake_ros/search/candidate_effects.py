@@ -20,7 +20,6 @@ class CandidateEffect:
 
     effect : its name. free : the parameters a refit frees. trials : values by dotted name, the strength first.
     place, depends_on : where it acts and on what. usual : values met on real tables by dotted name.
-    narrow : whether its valley is so narrow that a fit of free runs comes to it by slow motion first.
     """
 
     effect: str
@@ -29,12 +28,16 @@ class CandidateEffect:
     place: str
     depends_on: tuple[str, ...]
     usual: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    narrow: bool = False
 
     @property
     def strength(self) -> FreeParameter:
         """The parameter whose neutral value makes the effect absent."""
         return self.free[0]
+
+    @property
+    def narrow(self) -> bool:
+        """Whether its valley is so narrow that a fit of free runs comes to it by slow motion first."""
+        return self.strength.narrow
 
     @property
     def neutral(self) -> float:
@@ -59,7 +62,6 @@ def candidates(
             more = "may have " + ", ".join(sorted(OPTIONAL))
             raise ShakeError(f"{where}: {effect}: needs the keys 'free' and 'trials', {more}")
         prefix = f"effects.{effect}."
-        free = tuple(free_parameter(prefix + name, c, where, fields) for name, c in entry["free"].items())
         trials = tuple({prefix + name: float(v) for name, v in trial.items()} for trial in entry["trials"])
         own = [name for name in fields if name.startswith(prefix)]
         for trial in trials:
@@ -72,8 +74,9 @@ def candidates(
         narrow = entry.get("narrow", False)
         if not isinstance(narrow, bool):
             raise ShakeError(f"{where}: {effect}: narrow: {shown(narrow)} is neither true nor false")
-        kind = EFFECTS[effect]
-        result.append(CandidateEffect(effect, free, trials, kind.place, kind.depends_on, usual, narrow))
+        read = (free_parameter(prefix + name, c, where, fields) for name, c in entry["free"].items())
+        free, kind = tuple(replace(p, narrow=narrow) for p in read), EFFECTS[effect]
+        result.append(CandidateEffect(effect, free, trials, kind.place, kind.depends_on, usual))
     return tuple(result)
 
 

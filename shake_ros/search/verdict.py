@@ -10,8 +10,8 @@ An effect is
 
 The odds count only beyond what remains unexplained: a combination with something else may replace the effect; one at a
 bound does the work of something that is missing. Such effects are candidates, not findings. Not so what the recordings
-show without a model: an effect by which the sensors differ, as whatever else is missing moves the table and the table
-moves both sensors; or a backlash whose dwells the acceleration shows.
+show without a model, which is established whatever is unexplained: an effect by which the sensors differ, as whatever
+else is missing moves the table and the table moves both sensors; or a backlash whose dwells the acceleration shows.
 
 A fit without an effect that had to end early leaves at least what it would have left at its end. So when the time
 budget is over an effect may still turn out to be needless, but none is established.
@@ -75,7 +75,8 @@ def verdict_of(
     """
     settings, final = problem.settings, found.final
     candidate, noise = step.chosen.candidate, problem.validation.noise_cost()
-    left = 0.0 if candidate.effect in shown else unexplained(problem, final)
+    shows = candidate.effect in shown
+    left = 0.0 if shows else unexplained(problem, final)
     reduced = without(problem, final, candidate, found.near_without(candidate.effect))
     worth = float(np.sqrt(reduced.validation_cost / final.validation_cost))
     bounds = resting_parameters(final, step)
@@ -89,7 +90,7 @@ def verdict_of(
         state, reason = NOT_ESTABLISHED, "its strength is at a bound; it stands in for an effect that is missing"
     elif odds <= 0.0:
         state, reason = NOT_ESTABLISHED, "more remains unexplained than it explains"
-    elif bounds and not near_noise and candidate.effect not in shown:
+    elif bounds and not (near_noise or shows):
         state, reason = NOT_ESTABLISHED, "at a bound, and the unexplained residual may have the same cause"
     elif others:
         state, reason = ONE_OF_THESE, "another effect explains the data equally well"
@@ -99,6 +100,11 @@ def verdict_of(
         state, reason = LIKELY, "the recordings hardly show it"
     elif near_noise:
         state, reason = ESTABLISHED, "needed, no other effect replaces it, and the residual is near the noise"
+    elif shows:
+        state, reason = (
+            ESTABLISHED,
+            "the recordings show it without a model, though much of the residual is unexplained",
+        )
     else:
         state, reason = LIKELY, "needed, but much of the residual is unexplained"
     about = candidate.effect, candidate.place, state, odds_of(odds), worth, reason

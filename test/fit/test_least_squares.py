@@ -67,6 +67,33 @@ def test_fit_does_not_depend_on_its_start() -> None:
     assert values(far) == pytest.approx(values(solve(problem, free)), rel=1e-6)
 
 
+class Bent:
+    """Residuals u − 3 and 40 + 5 (u − 2)² of one parameter in its scales: the second leaves much and bends."""
+
+    def residuals(self, vectors: np.ndarray) -> np.ndarray:
+        u = vectors[:, INDEX[VISCOUS]] / 50.0
+        return np.column_stack([u - 3.0, 40.0 + 5.0 * (u - 2.0) ** 2])
+
+
+def test_runs_that_bend_are_fitted_by_central_differences() -> None:
+    (least,) = (root.real for root in np.roots([50.0, -300.0, 1001.0, -1203.0]) if abs(root.imag) < 1e-9)
+
+    def error(narrow: bool) -> float:
+        free = FreeParameters(TABLE, [FreeParameter(VISCOUS, 50.0, 0.0, 5000.0, "N s/m", narrow=narrow)])
+        return float(abs(fit(Bent(), free, np.array([2.5]), tolerance=1e-12).x[0] - least))
+
+    assert 30.0 * error(narrow=True) < error(narrow=False)
+
+
+def test_central_differences_stay_within_the_bounds() -> None:
+    parameter = FreeParameter(VISCOUS, 50.0, 0.0, 100.0, "N s/m", narrow=True)
+    problem, free = Line(WHITE), FreeParameters(TABLE, [parameter])
+    for place in (0.0, 2.0):
+        x = np.array([place])
+        slope = jacobian(problem, free, x, problem.residuals(free.vectors(x))[0])[:, 0]
+        assert slope == pytest.approx(50.0 * problem.x, rel=1e-6)
+
+
 def test_parameter_rests_on_the_bound_that_it_would_cross() -> None:
     result = solve(Line(WHITE), line(high=200.0))
     assert values(result)[0] == pytest.approx(200.0, rel=1e-3)

@@ -60,7 +60,7 @@ def test_a_verdict_without_time_says_so() -> None:
     ("shown", "expected", "dropped"),
     [
         ((), {SECOND.effect: LIKELY}, (FIRST.effect,)),
-        ((FIRST.effect,), {FIRST.effect: LIKELY, SECOND.effect: LIKELY}, ()),
+        ((FIRST.effect,), {FIRST.effect: ESTABLISHED, SECOND.effect: LIKELY}, ()),
     ],
 )
 def test_what_shows_without_a_model_stays_however_much_is_unexplained(
