@@ -42,7 +42,6 @@ class SearchSettings(Parameters):
     promising: float = quantity("-", "part of a predicted fall from which a function is refitted", low=0.0)
     least_function: float = quantity("-", "predicted fall from which a kind is refitted", low=0.0)
     pair_rival: float = quantity("-", "predicted fall of two quantities, over that of one", low=1.0)
-    hopeless: float = quantity("-", "ratio to the least cost on pieces from which a function is dropped", low=1.0)
     function_tolerance: float = quantity("-", "relative change at which its fit stops", low=1e-12)
     node_deviation: float = quantity("-", "prior deviation of a node, in the kind's scale", low=1e-6)
     change_deviation: float = quantity("-", "the same of a change's node, in the function's rms", low=1e-6)

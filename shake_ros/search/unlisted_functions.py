@@ -122,7 +122,7 @@ def best_function(problem: SearchProblem, current: ScoredFit) -> FunctionSearch:
         tried = fit_to_pieces(problem, f)
         if not model.contradicted(fitted.table, tried.table, records):
             short.append((f, tried))
-    most = settings.hopeless * min((tried.cost for _, tried in short), default=0.0)
+    most = min((tried.cost for _, tried in short), default=0.0) / settings.most_of  # nearly where they end
     left = [(f, tried) for f, tried in short if tried.cost <= most]
     refits = []
     for i, (f, tried) in enumerate(left):

@@ -2,10 +2,11 @@
 
 Noise in the valve, friction that catches and rings the oil column, and play shake a laboratory's table by as much as a
 small earthquake does. Its phase is nobody's doing: a free run cannot have it. Where much of the acceleration's power
-lies above the frequency from which it is no longer coherent with the command, a run is compared below that alone, and
-should be calm above. What a linear filter of the command leaves below counts as noise, at each frequency and at each
-time as much as there is: else slow drift would hide a specimen's mode, and the loudest seconds all others. Little of
-what a nonlinear table does lies beyond: what its nonlinearity adds to a wide command is partly coherent with it.
+lies above the frequency from which it is not coherent with the command for an octave, a run is compared below that
+alone, and should be calm above. A disturbance at one frequency, such as the beat of two clocks, ends no band. What a
+linear filter of the command leaves below counts as noise, at each frequency and at each time as much as there is: else
+slow drift would hide a specimen's mode, and the loudest seconds all others. Little of what a nonlinear table does lies
+beyond: what its nonlinearity adds to a wide command is partly coherent with it.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from shake_ros.signals.velocity_filter import low_pass, with_gains
 SEGMENT, FEWEST = 4.0, 8  # length of the spectra's segments, in which a lightly damped mode rings out [s]; least number
 SHORTEST = 0.5 * FEWEST * SEGMENT  # recording that tells [s]: what rings longer than a segment is not coherent in it
 INDEPENDENT = 0.6  # part of the segments, which overlap by half
-COHERENT = 0.15  # part of the acceleration's power in a band, below which the command explains nothing there
+COHERENT = 0.15  # part of the acceleration's power in an octave, below which the command explains nothing there
 MUCH = 0.1  # part of its whole power that lies above at least
 LOWEST, PER_OCTAVE = 2.0, 3  # bands that are looked at [Hz]
 MEMORY = 1.0  # of a filter [s]
@@ -42,7 +43,8 @@ def explained_band(records: Sequence[Record]) -> float:
     edges = np.geomspace(LOWEST, highest, round(PER_OCTAVE * math.log2(highest / LOWEST)) + 1)
     whole, explained = np.mean([_shares(r, edges) for r in long], axis=0)
     above = np.cumsum(whole[::-1])[::-1]
-    beyond = (explained < COHERENT * whole) & (above > MUCH)
+    octaves = [np.convolve(each, np.ones(PER_OCTAVE))[PER_OCTAVE - 1 :] for each in (whole, explained)]
+    beyond = (octaves[1] < COHERENT * octaves[0]) & (above > MUCH)
     return float(edges[np.argmax(beyond)]) if beyond.any() else math.inf
 
 

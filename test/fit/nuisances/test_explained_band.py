@@ -46,6 +46,16 @@ def test_what_rings_beside_the_command_is_left_out() -> None:
     assert EDGE < explained_band([record(4.0), record(4.0, 2)]) < 38.0
 
 
+def test_a_disturbance_at_one_frequency_ends_no_band() -> None:
+    disturbed = [
+        replace(r, acceleration=r.acceleration + 2.0 * coloured(r.run + 7, 4.2, 4.9))
+        for r in (record(4.0), replace(record(4.0, 2), run=1))
+        if r.acceleration is not None
+    ]
+    assert len(disturbed) == 2
+    assert EDGE < explained_band(disturbed) < 38.0
+
+
 def test_a_clipped_response_keeps_its_whole_band() -> None:
     plain = record(0.0)
     assert plain.acceleration is not None
